@@ -1,0 +1,51 @@
+"""Softclose: the science. Simulate ensembles of MEMS switches and assess and propose drive waveforms.
+
+Public names are imported on first use, so that `import softclose` is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from softclose.config import CampaignConfig as CampaignConfig
+    from softclose.config import load_config as load_config
+    from softclose.ensemble import Responses as Responses
+    from softclose.ensemble import simulate as simulate
+    from softclose.objective import Assessment as Assessment
+    from softclose.objective import assess as assess
+    from softclose.population import Population as Population
+    from softclose.population import load_population as load_population
+    from softclose.waveform import Pulse as Pulse
+    from softclose.waveform import Waveform as Waveform
+
+_HOME = {
+    "Assessment": "objective",
+    "CampaignConfig": "config",
+    "Population": "population",
+    "Pulse": "waveform",
+    "Responses": "ensemble",
+    "Waveform": "waveform",
+    "assess": "objective",
+    "load_config": "config",
+    "load_population": "population",
+    "simulate": "ensemble",
+}
+
+__all__ = [  # noqa: RUF022 - the order a reader meets them in
+    "Pulse", "Waveform", "Population", "load_population", "simulate", "Responses", "assess", "Assessment",
+    "CampaignConfig", "load_config", "__version__",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(importlib.import_module(f"softclose.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'softclose' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

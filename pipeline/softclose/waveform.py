@@ -1,0 +1,175 @@
+"""Owns pulses and drive waveforms: Eqs. 12-13 and what is admissible.
+
+A pulse is a raised-cosine rise, a flat top and the mirrored fall; a waveform is the sum of pulses (volts over µs).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+MIN_RISE_US = 4.0
+"""Fastest admissible rise [µs]: faster edges excite higher modes of the plate (paper §3.2)."""
+
+MAX_VOLTS = 150.0
+"""Default limit on the sum of all pulses at any instant [V] (SPEC §3)."""
+
+
+class WaveformError(ValueError):
+    """A pulse or waveform that is malformed or inadmissible."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """One pulse of Eq. 13. `rise_us == 0` is an ideal step, for reference designs only."""
+
+    start_us: float
+    """Start of the rise [µs], at or after 0."""
+    rise_us: float
+    """Rise time, and fall time [µs]: 0 (ideal step) or at least `MIN_RISE_US`."""
+    peak_us: float
+    """Duration of the flat top [µs]; `math.inf` holds for ever."""
+    volts: float
+    """Voltage of the flat top [V], not negative."""
+
+    def __post_init__(self) -> None:
+        for name in ("start_us", "rise_us", "peak_us", "volts"):
+            value = getattr(self, name)
+            try:
+                number = float(value)
+            except (TypeError, ValueError) as e:
+                raise WaveformError(f"pulse {name} is {value!r}; it must be a number") from e
+            object.__setattr__(self, name, number)
+            if math.isnan(number) or number < 0.0:
+                raise WaveformError(f"pulse {name} is {number:g}; it must be a number at or above 0")
+            if math.isinf(number) and name != "peak_us":
+                raise WaveformError(f"pulse {name} is infinite; only peak_us may be infinite (a pulse that holds)")
+        if 0.0 < self.rise_us < MIN_RISE_US:
+            raise WaveformError(
+                f"pulse rises in {self.rise_us:g} µs; rise times below {MIN_RISE_US:g} µs excite higher modes: "
+                f"use {MIN_RISE_US:g} µs or more (exactly 0 makes an ideal step, for reference designs)"
+            )
+
+    @property
+    def holds(self) -> bool:
+        """True where the flat top never ends."""
+        return math.isinf(self.peak_us)
+
+    @property
+    def end_us(self) -> float:
+        """Instant from which the pulse is 0 V for ever [µs]; inf where it holds."""
+        return self.start_us + 2.0 * self.rise_us + self.peak_us
+
+    def voltage(self, t_us: FloatArray) -> FloatArray:
+        """Eq. 13 times the peak voltage. t_us: any shape [µs]; returns the same shape [V]."""
+        s = t_us - self.start_us
+        fall = s - self.rise_us - self.peak_us  # -inf where it holds
+        u = np.zeros_like(s)
+        top = (s >= self.rise_us) & (fall < 0.0)
+        u[top] = 1.0
+        if self.rise_us > 0.0:
+            rising = (s >= 0.0) & (s < self.rise_us)
+            u[rising] = 0.5 - 0.5 * np.cos(np.pi * s[rising] / self.rise_us)
+            falling = (fall >= 0.0) & (fall < self.rise_us)
+            u[falling] = 0.5 + 0.5 * np.cos(np.pi * fall[falling] / self.rise_us)
+        return self.volts * u
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class Waveform:
+    """Eq. 12: the sum of one or more pulses."""
+
+    pulses: tuple[Pulse, ...]
+
+    def __init__(self, pulses: Iterable[Pulse]) -> None:
+        pulses = tuple(pulses)
+        if not pulses:
+            raise WaveformError("a waveform needs at least one pulse; got none")
+        for pulse in pulses:
+            if not isinstance(pulse, Pulse):
+                raise WaveformError(f"a waveform is made of Pulse objects; got {type(pulse).__name__}")
+        object.__setattr__(self, "pulses", pulses)
+
+    @classmethod
+    def from_rows(cls, rows: Sequence[Sequence[float | None]] | FloatArray) -> Waveform:
+        """Build from rows (start_us, rise_us, peak_us, volts); a peak of None or inf holds. NaN rows are skipped."""
+        pulses = []
+        for number, row in enumerate(rows, start=1):
+            values: list[Any] = list(row)
+            if len(values) != 4:
+                raise WaveformError(
+                    f"pulse {number} has {len(values)} values; it needs 4: start_us, rise_us, peak_us, volts"
+                )
+            if all(isinstance(v, float | np.floating) and math.isnan(v) for v in values):
+                continue
+            if values[2] is None:
+                values[2] = math.inf
+            try:
+                pulses.append(Pulse(*values))
+            except WaveformError as e:
+                raise WaveformError(f"pulse {number}: {e}") from e
+        return cls(pulses)
+
+    def rows(self) -> FloatArray:
+        """(n_pulse, 4) float64: start, rise, peak [µs] (inf where it holds) and volts."""
+        return np.array([(p.start_us, p.rise_us, p.peak_us, p.volts) for p in self.pulses], dtype=np.float64)
+
+    def voltage(self, t_us: ArrayLike) -> FloatArray:
+        """u(t) of Eq. 12 [V]. t_us: scalar or array [µs]; returns the same shape."""
+        t = np.asarray(t_us, dtype=np.float64)
+        u = np.zeros(np.atleast_1d(t).shape)
+        for pulse in self.pulses:
+            u += pulse.voltage(np.atleast_1d(t))
+        return u.reshape(t.shape)
+
+    def breakpoints(self, horizon_us: float = math.inf) -> FloatArray:
+        """Sorted distinct instants in [0, horizon] where a pulse changes its form [µs], 0 included."""
+        knots = {0.0}
+        for p in self.pulses:
+            for knot in (p.start_us, p.start_us + p.rise_us, p.start_us + p.rise_us + p.peak_us, p.end_us):
+                if knot <= horizon_us and math.isfinite(knot):
+                    knots.add(knot)
+        return np.array(sorted(knots))
+
+    def max_voltage(self, horizon_us: float = 250.0) -> float:
+        """max over [0, horizon] of u(t) [V], to about 1e-9 relative.
+
+        Between breakpoints u is a constant plus cosines: smooth, so the best sample of a grid is polished with a
+        parabola through it and its neighbours on ever finer grids.
+        """
+        knots = self.breakpoints(horizon_us)
+        knots = np.append(knots, horizon_us) if knots[-1] < horizon_us else knots
+        best = float(self.voltage(knots).max())
+        for a, b in itertools.pairwise(knots):
+            ramps = sum(p.start_us < b and p.end_us > a and not self._flat(p, a, b) for p in self.pulses)
+            if ramps < 2:  # one ramp is monotone: its maximum is at an end
+                continue
+            lo, hi = a, b
+            for _ in range(6):
+                t = np.linspace(lo, hi, 33)
+                u = self.voltage(t)
+                i = int(u.argmax())
+                best = max(best, float(u[i]))
+                lo, hi = t[max(i - 1, 0)], t[min(i + 1, 32)]
+        return best
+
+    @staticmethod
+    def _flat(p: Pulse, a: float, b: float) -> bool:
+        return p.start_us + p.rise_us <= a and b <= p.start_us + p.rise_us + p.peak_us
+
+    def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
+        """Raise WaveformError where the sum of the pulses exceeds max_volts [V] anywhere in [0, horizon]."""
+        peak = self.max_voltage(horizon_us)
+        if peak > max_volts * (1.0 + 1e-9):
+            raise WaveformError(
+                f"the waveform reaches {peak:.6g} V; the sum of its pulses may not exceed {max_volts:g} V: "
+                "lower or separate the pulses, or raise waveform.max_volts"
+            )

@@ -1,0 +1,1 @@
+"""Joins the science and the store: campaigns on Dask, the command line, the reports."""
