@@ -1,0 +1,56 @@
+# The two commands of the README: `make run` and `make test`. Everything installs into .venv.
+PYTHON  ?= python3
+VENV    := .venv
+BIN     := $(VENV)/bin
+STORE   ?= runs/current.zarr
+WORKERS ?= 2
+INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
+
+# One thread per process: numerical libraries must not reorder sums, nor fight Dask for cores.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export MKL_NUM_THREADS := 1
+
+.PHONY: help env env-test env-lint run test lint torture clean
+
+help:  ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/'
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Softclose needs Python 3.11 or later: make PYTHON=/path/to/python3.11 ..."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: $(BIN)/python pyproject.toml constraints.txt
+	$(INSTALL) --editable .
+	@touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	$(INSTALL) --editable '.[test]'
+	@touch $@
+
+$(VENV)/.installed-lint: $(VENV)/.installed-test
+	$(INSTALL) --editable '.[lint]'
+	@touch $@
+
+env: $(VENV)/.installed  ## create .venv and install Softclose into it
+env-test: $(VENV)/.installed-test
+env-lint: $(VENV)/.installed-lint
+
+run: env  ## the main job: design a waveform for the current design (STORE=..., WORKERS=...)
+	$(BIN)/softclose run current --store $(STORE) --workers $(WORKERS)
+
+test: env-test  ## every test
+	$(BIN)/python -m pytest
+
+lint: env-lint  ## style, types and the direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
+	$(BIN)/python -m tests.torture --rounds 200
+
+clean:  ## remove the environment and the caches; stores stay
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

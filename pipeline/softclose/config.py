@@ -1,0 +1,362 @@
+"""Owns a campaign's configuration: one TOML file in, every value checked before any work starts, a fingerprint out."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic.dataclasses import dataclass
+
+from softclose.population import Population, load_population
+from softclose.waveform import MIN_RISE_US, Waveform
+
+SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
+
+Count = Annotated[int, Field(ge=1, strict=True)]
+Positive = Annotated[float, Field(gt=0)]
+Probability = Annotated[float, Field(gt=0, lt=1)]
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; the message lists every problem found."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class CampaignSection:
+    """What is run, and how long."""
+
+    name: str = "campaign"
+    """A title for tables and reports."""
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 1
+    """Key of every random number: the ensemble and the proposals."""
+    budget: Count = 150
+    """Candidates proposed by the engine, `waveform.initial` included."""
+    lag: Count = 1
+    """Candidates in flight at once: proposal i waits for candidate i - lag and sees nothing newer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class PopulationSection:
+    """Which switches."""
+
+    name: Annotated[str, Field(min_length=1)] = "current"
+    """A shipped population, or the path of a population TOML."""
+    n_switches: Count = 2000
+    """Switches in the training ensemble of each candidate."""
+    sampling: Literal["monte-carlo", "sobol"] = "monte-carlo"
+    """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ModelSection:
+    """Eqs. 1-2."""
+
+    horizon_us: Positive = 250.0
+    """End of the simulated time [µs]."""
+    restitution: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """Coefficient of restitution η, in (0, 1]."""
+    plate_area_um2: Positive = 16700.0
+    """Plate area a [µm²]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class WaveformSection:
+    """Where waveforms are searched."""
+
+    space: Literal[
+        "two-pulse-paper", "two-pulse-full", "three-pulse-full", "two-pulse-release", "three-pulse-release"
+    ] = "two-pulse-full"
+    """Search space; `-full` holds with its last pulse, `-release` lets go."""
+    max_volts: Positive = 150.0
+    """Limit on the sum of all pulses at any instant [V]."""
+    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US)] = MIN_RISE_US
+    """Fastest rise that may be proposed [µs]."""
+    initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
+    """The user's own waveforms, evaluated first: each a list of [start, rise, peak, volts]; a peak of "hold" holds."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_holds(cls, data: Any) -> Any:
+        """TOML has no null: a peak of "hold" (or inf) becomes None."""
+        values = data.kwargs if hasattr(data, "kwargs") else data
+        if isinstance(values, Mapping) and isinstance(values.get("initial"), list | tuple):
+            held = [
+                [[_peak(v) if j == 2 else v for j, v in enumerate(row)] if isinstance(row, list | tuple) else row
+                 for row in rows] if isinstance(rows, list | tuple) else rows
+                for rows in values["initial"]
+            ]
+            return {**values, "initial": held}
+        return values
+
+    def initial_waveforms(self) -> tuple[Waveform, ...]:
+        """`initial` as waveforms; raises WaveformError where one is malformed."""
+        return tuple(Waveform.from_rows(rows) for rows in self.initial)
+
+
+def _peak(value: Any) -> Any:
+    return None if value == "hold" or (isinstance(value, float) and math.isinf(value)) else value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ObjectiveSection:
+    """Eqs. 8-11."""
+
+    form: Literal["penalty", "chance"] = "penalty"
+    """penalty: g = v_u + c1·p_nc (Eq. 10); chance: minimise v_u subject to p_nc <= p_max."""
+    level: Probability = 0.9
+    """Quantile of V that is v_u."""
+    c1_cm_s: Annotated[float, Field(ge=0)] = 25.0
+    """Penalty per unit probability of not closing [cm/s]."""
+    p_max: Annotated[float, Field(ge=0, lt=1)] = 0.05
+    """Largest admissible p_nc of the chance-constrained form."""
+    limits_cm_s: tuple[Positive, ...] = (19.7,)
+    """Contact speeds for which P(V > limit) is reported [cm/s]."""
+    min_contact: Annotated[float, Field(ge=0, le=1)] = 0.1
+    """Below this fraction of switches in contact v_u is undefined."""
+    undefined_v_u_cm_s: Positive = 60.0
+    """What an undefined v_u counts as in g [cm/s]."""
+    confidence: Probability = 0.95
+    """Confidence of every interval."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class OptimiserSection:
+    """Who proposes."""
+
+    engine: Annotated[str, Field(min_length=1)] = "skopt"
+    """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class FinishSection:
+    """The finishing stage: further candidates on larger ensembles."""
+
+    budget: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Candidates of the finishing stage; 0 leaves it out."""
+    n_switches: Count = 2000
+    """Switches per candidate of the finishing stage."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ComputeSection:
+    """How the work is cut up. Chunk boundaries are part of the result's identity."""
+
+    chunk_switches: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Switches per chunk (one Dask task); 0 chooses: at least 1,000, at most 64 chunks a candidate."""
+    rtol: Annotated[float, Field(ge=1e-13, le=1e-3)] = 1e-9
+    """Relative tolerance of the integrator."""
+    method: Literal["taylor", "rk"] = "taylor"
+    """Integrator."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class StoreSection:
+    """What the store keeps of each switch."""
+
+    n_times: Annotated[int, Field(ge=2, le=100_001, strict=True)] = 1001
+    """Points of the uniform time grid of x and v, from 0 to the horizon."""
+    max_impacts: Annotated[int, Field(ge=1, le=4096, strict=True)] = 64
+    """Impact events kept per switch; n_impacts counts all of them."""
+    durable: bool = False
+    """Sync every commit to the disk, against loss of power."""
+
+
+MAX_CHUNKS = 64
+MIN_CHUNK_SWITCHES = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class CampaignConfig:
+    """A whole campaign. Build it with `load_config`."""
+
+    campaign: CampaignSection = Field(default_factory=CampaignSection)
+    population: PopulationSection = Field(default_factory=PopulationSection)
+    model: ModelSection = Field(default_factory=ModelSection)
+    waveform: WaveformSection = Field(default_factory=WaveformSection)
+    objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
+    optimiser: OptimiserSection = Field(default_factory=OptimiserSection)
+    finish: FinishSection = Field(default_factory=FinishSection)
+    compute: ComputeSection = Field(default_factory=ComputeSection)
+    store: StoreSection = Field(default_factory=StoreSection)
+    population_model: dict[str, Any] = Field(default_factory=dict)
+    """The population itself, written out in full, so that a store does not depend on a file elsewhere."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.population_model:
+            object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
+        for number, rows in enumerate(self.waveform.initial):
+            try:
+                waveform = Waveform.from_rows(rows)
+                waveform.check(self.waveform.max_volts, self.model.horizon_us)
+            except ValueError as e:
+                raise ValueError(f"waveform.initial[{number}]: {e}") from e
+        if len(self.waveform.initial) > self.campaign.budget:
+            raise ValueError(
+                f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
+                f"{self.campaign.budget}: raise the budget or shorten the list"
+            )
+        for section, n in (("population", self.population.n_switches), ("finish", self.finish.n_switches)):
+            chunk = self.compute.chunk_switches
+            if chunk and math.ceil(n / chunk) > MAX_CHUNKS:
+                raise ValueError(
+                    f"compute.chunk_switches {chunk} cuts {section}.n_switches {n} into {math.ceil(n / chunk)} chunks; "
+                    f"at most {MAX_CHUNKS} are allowed, so that the number of files stays bounded: "
+                    f"use {math.ceil(n / MAX_CHUNKS)} or more, or 0"
+                )
+        return self
+
+    @property
+    def total_budget(self) -> int:
+        """Candidates of the search and of the finishing stage."""
+        return self.campaign.budget + self.finish.budget
+
+    @property
+    def n_switches_max(self) -> int:
+        """Rows of the stored ensemble: the largest that any candidate uses."""
+        return max(self.population.n_switches, self.finish.n_switches if self.finish.budget else 0)
+
+    @property
+    def chunk_switches(self) -> int:
+        """Switches per chunk; `compute.chunk_switches` or the automatic choice."""
+        if self.compute.chunk_switches:
+            return min(self.compute.chunk_switches, self.n_switches_max)
+        return min(self.n_switches_max, max(MIN_CHUNK_SWITCHES, math.ceil(self.n_switches_max / MAX_CHUNKS)))
+
+    def build_population(self) -> Population:
+        """The population, from its stored description."""
+        return Population.from_dict(self.population_model)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON-able values, the inverse of `from_dict`."""
+        dumped: dict[str, Any] = TypeAdapter(CampaignConfig).dump_python(self, mode="json")
+        return dumped
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> CampaignConfig:
+        """Validate plain values; raises ConfigError."""
+        return _validate(data)
+
+    def fingerprint(self) -> str:
+        """sha256 of the canonical JSON of everything that decides the content of the store."""
+        return hashlib.sha256(canonical_json(self.to_dict()).encode()).hexdigest()
+
+
+def canonical_json(data: Mapping[str, Any]) -> str:
+    """One text per value: sorted keys, no spaces, shortest floats."""
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+
+
+def known_keys() -> dict[str, tuple[str, ...]]:
+    """Section name -> its keys, for messages and the reference documentation."""
+    sections = {f.name: f.type for f in fields(CampaignConfig) if f.name != "population_model"}
+    by_name = {cls.__name__: cls for cls in _SECTIONS}
+    return {name: tuple(f.name for f in fields(by_name[str(kind)])) for name, kind in sections.items()}
+
+
+_SECTIONS = (
+    CampaignSection, PopulationSection, ModelSection, WaveformSection, ObjectiveSection,
+    OptimiserSection, FinishSection, ComputeSection, StoreSection,
+)  # fmt: skip
+
+
+def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> CampaignConfig:
+    """Read a TOML file (or a mapping), apply `section.key=value` overrides, validate.
+
+    Relative paths of populations are taken from the TOML's own folder.
+    Raises ConfigError naming every problem: what was got, what is allowed.
+    """
+    if isinstance(source, Mapping):
+        data, where = _copy(source), None
+    else:
+        where = Path(source)
+        data = read_toml(where)
+    for override in overrides:
+        _apply(data, override)
+    name = data.get("population", {}).get("name") if isinstance(data.get("population"), dict) else None
+    if where is not None and isinstance(name, str) and name.endswith(".toml") and not Path(name).is_absolute():
+        beside = where.parent / name
+        if beside.exists():
+            data["population"]["name"] = str(beside)
+    return _validate(data)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Parse one TOML file; raises ConfigError with the path and the position."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as e:
+        raise ConfigError(f"no configuration file at {path}") from e
+    except (OSError, UnicodeDecodeError) as e:
+        raise ConfigError(f"cannot read {path}: {e}") from e
+    except tomllib.TOMLDecodeError as e:
+        raise ConfigError(f"{path} is not valid TOML: {e}") from e
+
+
+def _copy(source: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: _copy(v) if isinstance(v, Mapping) else v for k, v in source.items()}
+
+
+def _apply(data: dict[str, Any], override: str) -> None:
+    """Set one `section.key=value`; the value is TOML, and a bare word is a string."""
+    key, sign, text = override.partition("=")
+    section, dot, name = key.strip().partition(".")
+    if not (sign and dot and section and name):
+        raise ConfigError(f"--set {override!r} is not of the form section.key=value, e.g. campaign.seed=7")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    table = data.setdefault(section, {})
+    if not isinstance(table, dict):
+        raise ConfigError(f"{section} is {table!r}; it must be a table of keys")
+    table[name] = value
+
+
+def _validate(data: Mapping[str, Any]) -> CampaignConfig:
+    _refuse_unknown(data)
+    try:
+        return TypeAdapter(CampaignConfig).validate_python(dict(data))
+    except ValidationError as e:
+        problems = []
+        for error in e.errors(include_url=False):
+            where = ".".join(str(part) for part in error["loc"])
+            message = error["msg"].removeprefix("Value error, ")
+            got = "" if error["type"] == "value_error" else f" is {error['input']!r}: "
+            problems.append(f"{where}{got}{message}" if where and got else message)
+        raise ConfigError("\n".join(problems)) from e
+
+
+def _refuse_unknown(data: Mapping[str, Any]) -> None:
+    known = known_keys()
+    problems = []
+    for section, table in data.items():
+        if section == "population_model":
+            continue
+        if section not in known:
+            problems.append(_unknown("section", section, known))
+        elif not isinstance(table, Mapping):
+            problems.append(f"{section} is {table!r}; it must be a table of keys: {', '.join(known[section])}")
+        else:
+            problems += [
+                _unknown("key", f"{section}.{key}", [f"{s}.{k}" for s, ks in known.items() for k in ks])
+                for key in table
+                if key not in known[section]
+            ]
+    if problems:
+        raise ConfigError("\n".join(problems))
+
+
+def _unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
+    allowed = list(allowed)
+    near = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(allowed)}"
+    return f"unknown {kind} {name}; {hint}"

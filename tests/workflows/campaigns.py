@@ -1,0 +1,37 @@
+"""Owns the small campaign that the workflow tests run, and ways to run it in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+SMALL = (
+    "campaign.budget=8",
+    "population.n_switches=60",
+    "compute.chunk_switches=25",
+    "store.n_times=51",
+    "optimiser.n_initial=4",
+)
+"""Three chunks a candidate, four Sobol points and four proposals of the surrogate."""
+
+
+def command(*arguments: str) -> list[str]:
+    """The command line of `softclose` under this interpreter."""
+    return [sys.executable, "-m", "softclose_workflows", *arguments]
+
+
+def run_arguments(store: Path, *settings: str, preset: str = "current") -> list[str]:
+    """Arguments of `softclose run` for the small campaign."""
+    sets = [part for setting in (*SMALL, *settings) for part in ("--set", setting)]
+    return ["run", preset, "--store", str(store), "--quiet", *sets]
+
+
+def softclose(*arguments: str, env: dict[str, str] | None = None, timeout: float = 180.0,
+              ) -> subprocess.CompletedProcess[str]:  # fmt: skip
+    """Run `softclose` to its end and return what it printed."""
+    return subprocess.run(
+        command(*arguments), capture_output=True, text=True, timeout=timeout, check=False,
+        env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"} | (env or {}),
+    )  # fmt: skip

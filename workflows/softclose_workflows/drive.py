@@ -1,0 +1,103 @@
+"""Owns one run of the driver: create or open the store, start the executor, run the campaign, print its result."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import platform
+import socket
+import sys
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any
+
+import click
+
+from softclose.config import CampaignConfig
+from softclose_store import DriverStore, Layout, create_campaign, store_state
+from softclose_workflows.campaign import Campaign
+from softclose_workflows.executors import open_executor
+from softclose_workflows.progress import show_progress
+from softclose_workflows.stopping import stop_on_signals
+from softclose_workflows.tasks import times_us
+
+RECORDED_VERSIONS = ("dask", "numba", "numpy", "scikit-learn", "scikit-optimize", "scipy", "softclose", "zarr")
+
+
+def create_store(config: CampaignConfig, path: str) -> None:
+    """Create the store of a campaign, or accept the one that is there if it holds this very campaign.
+
+    Raises a StoreError where the store holds something else, and names what differs.
+    """
+    population = config.build_population()
+    n = config.n_switches_max
+    seed, sampling = config.campaign.seed, config.population.sampling
+    parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
+    switches = population.sample(n, seed=seed, sampling=sampling)
+    create_campaign(
+        path,
+        layout=_layout(config),
+        config=config.to_dict(),
+        population={
+            "D": parameters[:, 0], "G": parameters[:, 1], "E": parameters[:, 2], "T": parameters[:, 3],
+            "K": switches[:, 2], "M": switches[:, 3],
+        },
+        runtime=runtime(),
+        exist_ok=True,
+    )  # fmt: skip
+
+
+def _layout(config: CampaignConfig) -> Layout:
+    from softclose.spaces import n_pulses
+
+    longest = max([n_pulses(config.waveform.space), *(len(rows) for rows in config.waveform.initial)])
+    return Layout(
+        n_candidates=config.total_budget,
+        n_switches=config.n_switches_max,
+        chunk_switches=config.chunk_switches,
+        times_us=times_us(config.model.horizon_us, config.store.n_times),
+        max_impacts=config.store.max_impacts,
+        n_pulses=longest,
+        limits_cm_s=config.objective.limits_cm_s,
+    )
+
+
+def runtime() -> dict[str, Any]:
+    """Who runs this, on what and with which versions. Not part of a campaign's identity."""
+    return {
+        "versions": {name: version(name) for name in RECORDED_VERSIONS} | {"python": platform.python_version()},
+        "processor": _processor(),
+        "machine": platform.machine(),
+        "system": platform.platform(),
+        "host": socket.gethostname(),
+        "user": getpass.getuser(),
+        "pid": os.getpid(),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _processor() -> str:
+    """Model name of the processor: bits may differ between processors, so it is recorded."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as f:
+            names = [line.partition(":")[2].strip() for line in f if line.startswith("model name")]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor()
+
+
+def drive(
+    path: str, *, workers: int | None, scheduler: str | None, serial: bool, break_lock: bool, quiet: bool
+) -> None:
+    """Run the campaign in the store to its end and print the result."""
+    from softclose_workflows.tables import print_result
+
+    with stop_on_signals() as stop, DriverStore(path, break_lock=break_lock) as store:
+        if store.n_committed < CampaignConfig.from_dict(store.config).total_budget:
+            with open_executor(workers, scheduler, serial=serial) as executor:
+                store.note_run(runtime())
+                if executor.dashboard and not quiet:
+                    click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
+                with show_progress(quiet=quiet or not sys.stderr.isatty()) as listener:
+                    Campaign(store, executor, stop=stop, listener=listener).run()
+    print_result(path)

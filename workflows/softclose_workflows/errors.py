@@ -1,0 +1,21 @@
+"""Owns the outcomes that end a command early, and their exit codes.
+
+0: done; 2: bad input, nothing was changed; 3: stopped before the end, nothing committed is lost, `resume` continues.
+"""
+
+from __future__ import annotations
+
+EXIT_BAD_INPUT = 2
+EXIT_STOPPED = 3
+
+
+class ExecutorError(ValueError):
+    """An executor that cannot be started as asked: an unreachable scheduler, an impossible number of workers."""
+
+
+class Stopped(RuntimeError):  # noqa: N818 - an outcome, not a fault
+    """The campaign stopped before its end; what is committed is whole, and `resume` continues from there."""
+
+
+class ChunkFailure(RuntimeError):  # noqa: N818
+    """One chunk could not be computed, however often it was tried: its candidate is recorded as failed."""

@@ -1,0 +1,226 @@
+"""Owns where chunks run: in this process (serial) or on Dask. The only Dask import.
+
+Both hand completed chunks back through `next_event`, in any order; nothing in a campaign may depend on that order.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import queue
+import time
+import uuid
+from collections import deque
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Protocol
+
+from softclose_workflows.errors import ChunkFailure, ExecutorError, Stopped
+from softclose_workflows.tasks import ChunkResult, ChunkTask, run_chunk
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+MAX_TRIES = 3
+"""Workers that one chunk may kill before it is given up."""
+
+GRACE_S = 30.0
+"""How long a run waits without any worker, or without its scheduler, before it stops [s]."""
+
+Event = tuple[ChunkTask, ChunkResult | BaseException]
+
+
+class Executor(Protocol):
+    """Runs chunk tasks; results come back in any order."""
+
+    n_workers: int
+    dashboard: str | None
+    n_retries: int
+    """Workers lost so far, for the status view."""
+
+    def submit(self, task: ChunkTask) -> None:
+        """Start one chunk."""
+        ...
+
+    def next_event(self, timeout_s: float) -> Event | None:
+        """The next finished chunk with its result or its failure, or None after timeout_s.
+
+        Raises Stopped when the workers or the scheduler are gone.
+        """
+        ...
+
+
+class SerialExecutor:
+    """Runs each chunk in this process, when its result is asked for. For debugging and tests."""
+
+    n_workers = 1
+    dashboard: str | None = None
+    n_retries = 0
+
+    def __init__(self) -> None:
+        self._waiting: deque[ChunkTask] = deque()
+
+    def submit(self, task: ChunkTask) -> None:
+        """Queue one chunk."""
+        self._waiting.append(task)
+
+    def next_event(self, timeout_s: float) -> Event | None:
+        """Compute the oldest queued chunk."""
+        if not self._waiting:
+            return None
+        task = self._waiting.popleft()
+        try:
+            return task, run_chunk(task)
+        except Exception as e:
+            return task, e
+
+
+class DaskExecutor:
+    """Runs chunks on a Dask cluster through one client."""
+
+    def __init__(self, client: Client, dashboard: str | None) -> None:
+        self._client = client
+        self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._futures: dict[str, Future] = {}
+        # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
+        self._token = uuid.uuid4().hex[:8]
+        self._last_alive = time.monotonic()
+        self._last_look = time.monotonic()
+        self._known_workers: set[str] = set()
+        self.dashboard = dashboard
+        self.n_retries = 0
+
+    @property
+    def n_workers(self) -> int:
+        """Workers connected now."""
+        return len(self._workers())
+
+    def _workers(self) -> set[str]:
+        return set(self._client.scheduler_info(n_workers=-1)["workers"])
+
+    def submit(self, task: ChunkTask) -> None:
+        """Send one chunk; its outcome arrives through `next_event`."""
+        key = f"chunk-{task.candidate}-{task.chunk}-{self._token}-{uuid.uuid4().hex[:6]}"
+        future = self._client.submit(run_chunk, task, key=key, pure=False)
+        self._futures[key] = future
+        future.add_done_callback(lambda done: self._finished(task, done))
+
+    def _finished(self, task: ChunkTask, future: Future) -> None:
+        """Runs on Dask's callback thread."""
+        from distributed.scheduler import KilledWorker
+
+        outcome: ChunkResult | BaseException
+        if future.status == "finished":
+            try:
+                outcome = future.result(timeout=GRACE_S)
+            except Exception as e:  # the result was lost between the two lines: run the chunk again
+                outcome = Stopped(f"{task.name}: its result could not be fetched: {e}")
+        elif future.status == "cancelled":
+            outcome = Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
+        else:
+            error = future.exception()
+            outcome = error
+            if isinstance(error, KilledWorker):
+                outcome = ChunkFailure(f"{task.name} killed {MAX_TRIES + 1} workers in a row and was given up")
+        self._events.put((task, outcome))
+
+    def next_event(self, timeout_s: float) -> Event | None:
+        """See `Executor.next_event`."""
+        try:
+            event = self._events.get(timeout=timeout_s)
+        except queue.Empty:
+            self._look_for_workers()
+            return None
+        self._last_alive = time.monotonic()
+        return event
+
+    def _look_for_workers(self) -> None:
+        now = time.monotonic()
+        if now - self._last_look < 1.0:
+            return
+        self._last_look = now
+        try:
+            workers = self._workers() if self._client.status == "running" else set()
+        except Exception:
+            workers = set()
+        self.n_retries += len(self._known_workers - workers)
+        self._known_workers = workers
+        if workers:
+            self._last_alive = now
+        elif now - self._last_alive > GRACE_S:
+            what = "no worker is left" if self._client.status == "running" else "the scheduler is gone"
+            raise Stopped(f"{what} (waited {GRACE_S:g} s)")
+
+
+@contextlib.contextmanager
+def open_executor(workers: int | None = None, scheduler: str | None = None, *, serial: bool = False) -> Iterator[Any]:
+    """An executor for the length of a `with` block.
+
+    workers: processes of a local cluster (default: one per core); scheduler: address of an existing cluster instead;
+    serial: no Dask at all. Raises ExecutorError where it cannot be started.
+    """
+    if workers is not None and workers < 1:
+        raise ExecutorError(f"--workers is {workers}; it must be 1 or more")
+    if serial:
+        yield SerialExecutor()
+    elif scheduler is not None:
+        with _remote(scheduler) as executor:
+            yield executor
+    else:
+        with _local(workers or len(os.sched_getaffinity(0))) as executor:
+            yield executor
+
+
+def _configure() -> None:
+    import dask
+
+    dask.config.set(
+        {
+            "distributed.scheduler.allowed-failures": MAX_TRIES,
+            # Chunks are long and few: stealing and work queueing buy nothing, a quick restart does.
+            "distributed.comm.timeouts.connect": "10s",
+            "distributed.admin.log-format": "%(levelname)s %(message)s",
+        }
+    )
+    # A worker's death is reported by us, once; Dask's own account of it runs to a page.
+    for name in ("distributed.nanny", "distributed.scheduler", "distributed.worker", "distributed.core",
+                 "distributed.comm", "distributed.client", "tornado.application", "asyncio"):  # fmt: skip
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+@contextlib.contextmanager
+def _local(workers: int) -> Iterator[DaskExecutor]:
+    _configure()
+    from distributed import Client, LocalCluster
+
+    # Everything listens on loopback: a laptop in a café is no place for an open scheduler.
+    with (
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+            dashboard_address="127.0.0.1:0", worker_dashboard_address=None, silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):  # fmt: skip
+        yield from _on(client, cluster.dashboard_link)
+
+
+@contextlib.contextmanager
+def _remote(address: str) -> Iterator[DaskExecutor]:
+    _configure()
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as e:
+        raise ExecutorError(
+            f"no Dask scheduler answers at {address}: start one (dask scheduler) or leave --scheduler out ({e})"
+        ) from e
+    with client:
+        yield from _on(client, client.dashboard_link)
+
+
+def _on(client: Client, dashboard: str | None) -> Iterator[DaskExecutor]:
+    from softclose_workflows.worker_setup import WorkerSetup
+
+    client.register_plugin(WorkerSetup(), name="softclose")
+    yield DaskExecutor(client, dashboard)
