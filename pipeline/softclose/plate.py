@@ -1,0 +1,76 @@
+"""Owns the algebra of the switch plate: Eqs. 3-6, from geometry and modulus to stiffness, mass and pull-in voltage.
+
+Units: D, G, T and x in µm, E in GPa, K in N/m, M in µg, plate area in µm², volts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+EPSILON_0 = 8.8541878128e-12
+"""Permittivity of the gap [F/m]."""
+PLATE_AREA_UM2 = 16700.0
+"""Default plate area a [µm²]: the value at which a 100 V step gives the published mean V (SPEC §4)."""
+
+A1 = 3.1458
+"""Eq. 4 [µm]; the fit is of plates 5 to 9 µm thick."""
+A2 = 0.027186
+"""Eq. 4 [N/m per GPa µm²]."""
+B0 = 0.43613
+"""Eq. 5 [µm]."""
+B1 = 311.79
+"""Eq. 5 [Hz per sqrt(GPa) µm]."""
+KG_TO_UG = 1e9
+
+
+def stiffness(modulus_GPa: ArrayLike, thickness_um: ArrayLike) -> FloatArray:
+    """Effective stiffness K [N/m] of Eq. 4; broadcasts."""
+    t = np.asarray(thickness_um, dtype=np.float64)
+    return np.asarray(A2 * np.asarray(modulus_GPa, dtype=np.float64) * t * (t - A1))
+
+
+def modulus(stiffness_N_per_m: ArrayLike, thickness_um: ArrayLike) -> FloatArray:
+    """Modulus E [GPa] that gives this stiffness: Eq. 4 solved for E; broadcasts."""
+    t = np.asarray(thickness_um, dtype=np.float64)
+    return np.asarray(np.asarray(stiffness_N_per_m, dtype=np.float64) / (A2 * t * (t - A1)))
+
+
+def mass(thickness_um: ArrayLike) -> FloatArray:
+    """Effective mass M [µg] of Eq. 6, which does not depend on E; any shape."""
+    t = np.asarray(thickness_um, dtype=np.float64)
+    return np.asarray(KG_TO_UG * A2 * t * (t - A1) / (2.0 * np.pi * B1 * (t + B0)) ** 2)
+
+
+def frequency(modulus_GPa: ArrayLike, thickness_um: ArrayLike) -> FloatArray:
+    """Frequency of the plate's bounce mode [Hz], Eq. 5; broadcasts."""
+    t = np.asarray(thickness_um, dtype=np.float64)
+    return np.asarray(np.sqrt(np.asarray(modulus_GPa, dtype=np.float64)) * B1 * (t + B0))
+
+
+def pull_in_voltage(switches: ArrayLike, plate_area_um2: float = PLATE_AREA_UM2) -> FloatArray:
+    """Static pull-in voltage U_pi [V], Eq. 3.
+
+    switches: (..., 4) columns D, G [µm], K [N/m], M [µg]; returns shape (...).
+    """
+    s = np.asarray(switches, dtype=np.float64)
+    return np.asarray(np.sqrt(8e-6 * s[..., 2] * s[..., 1] ** 3 / (27.0 * EPSILON_0 * plate_area_um2)))
+
+
+def stiffness_from_pull_in(volts: ArrayLike, gap_um: ArrayLike, plate_area_um2: float = PLATE_AREA_UM2) -> FloatArray:
+    """Stiffness K [N/m] of a plate that pulls in at this voltage: Eq. 3 solved for K; broadcasts."""
+    u = np.asarray(volts, dtype=np.float64)
+    g = np.asarray(gap_um, dtype=np.float64)
+    return np.asarray(27.0 * EPSILON_0 * plate_area_um2 * u**2 / (8e-6 * g**3))
+
+
+def holding_voltage(switches: ArrayLike, plate_area_um2: float = PLATE_AREA_UM2) -> FloatArray:
+    """Smallest voltage that holds a closed switch [V]: c (u/(G-D))² = k D (SPEC §2).
+
+    switches: (..., 4) columns D, G [µm], K [N/m], M [µg]; returns shape (...). Independent of the mass.
+    """
+    s = np.asarray(switches, dtype=np.float64)
+    d, g, k = s[..., 0], s[..., 1], s[..., 2]
+    return np.asarray((g - d) * np.sqrt(2e-6 * k * d / (EPSILON_0 * plate_area_um2)))
