@@ -36,8 +36,17 @@ _HOME = {
 }
 
 __all__ = [  # noqa: RUF022 - the order a reader meets them in
-    "Pulse", "Waveform", "Population", "load_population", "simulate", "Responses", "assess", "Assessment",
-    "CampaignConfig", "load_config", "__version__",
+    "Pulse",
+    "Waveform",
+    "Population",
+    "load_population",
+    "simulate",
+    "Responses",
+    "assess",
+    "Assessment",
+    "CampaignConfig",
+    "load_config",
+    "__version__",
 ]
 
 

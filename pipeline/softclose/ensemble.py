@@ -1,0 +1,198 @@
+"""Owns `simulate`: validated input in, one `Responses` out. The device model behind it is the kernel's."""
+
+from __future__ import annotations
+
+import enum
+import math
+import operator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from softclose import _kernel
+from softclose.waveform import MAX_VOLTS, Waveform
+
+FloatArray = NDArray[np.float64]
+
+RTOL_RANGE = (1e-13, 1e-3)
+"""Tolerances that the methods are built for: below, rounding; above, steps too long to look for impacts in."""
+
+
+class SimulationError(ValueError):
+    """Input that cannot be simulated."""
+
+
+class Status(enum.IntEnum):
+    """How the integration of one switch ended."""
+
+    OK = 0
+    """Reached the horizon."""
+    WORK_LIMIT = 1
+    """Gave up after `max_steps` steps; what was found until then is reported, `closed` is False."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Responses:
+    """What every switch of an ensemble did under one waveform, in the order of the input."""
+
+    max_contact_speed: FloatArray
+    """(n,) V of Eq. 7, largest speed just before an impact [µm/µs]; NaN where the switch never touched."""
+    first_contact_us: FloatArray
+    """(n,) instant of the first impact [µs]; inf where there was none."""
+    closed: NDArray[np.bool_]
+    """(n,) held in contact at the horizon."""
+    settling_us: FloatArray
+    """(n,) instant from which the switch is held until the horizon [µs]; inf where it is not closed."""
+    n_impacts: NDArray[np.int32]
+    """(n,) number of impacts within the horizon."""
+    final_x: FloatArray
+    """(n,) travel at the horizon [µm]."""
+    final_v: FloatArray
+    """(n,) velocity at the horizon [µm/µs]."""
+    status: NDArray[np.int8]
+    """(n,) `Status` of the integration; never raised."""
+    impact_time_us: FloatArray | None = None
+    """(n, max_impacts) instants of the first impacts [µs], padded with NaN."""
+    impact_speed: FloatArray | None = None
+    """(n, max_impacts) their speeds just before contact [µm/µs], padded with NaN."""
+    times_us: FloatArray | None = None
+    """(n_time,) instants of x and v [µs]."""
+    x: NDArray[Any] | None = None
+    """(n, n_time) travel [µm]."""
+    v: NDArray[Any] | None = None
+    """(n, n_time) velocity [µm/µs]; just before the impact where an instant is exactly one."""
+
+
+def simulate(
+    switches: ArrayLike,
+    waveform: Waveform,
+    *,
+    horizon_us: float = 250.0,
+    restitution: float = 0.5,
+    plate_area_um2: float = 16700.0,
+    rtol: float = 1e-9,
+    times_us: ArrayLike | None = None,
+    method: Literal["taylor", "rk"] = "taylor",
+    threads: int = 1,
+    max_impacts: int = 0,
+    dtype: type[np.float64] | type[np.float32] = np.float64,
+    max_volts: float = MAX_VOLTS,
+    v_stick: float = 1e-5,
+    max_steps: int = _kernel.MAX_STEPS,
+) -> Responses:
+    """Integrate Eqs. 1-2 for every switch under one waveform.
+
+    switches: (n, 4) float64, columns D [µm], G [µm], K [N/m], M [µg]. times_us: sorted (n_time,) in [0, horizon] [µs]
+    to sample x and v at, written as `dtype`. rtol: local error per step relative to travels of 1 µm and speeds of 0.1
+    µm/µs. v_stick: rebound speed [µm/µs] below which a pressed switch is held (SPEC §2). max_impacts: impacts kept per
+    switch. method: "taylor" is the fast kernel, "rk" its readable Runge-Kutta twin. max_steps: work limit per switch.
+
+    Row i depends on switches[i] and the settings only: not on other rows, on threads, or on which outputs are wanted.
+    Never raises for a switch that cannot be integrated: see `Responses.status`. Raises SimulationError (a ValueError)
+    for input outside these limits and WaveformError for a waveform above max_volts.
+    """
+    table = _check_switches(switches)
+    horizon = _number("horizon_us", horizon_us, low=0.0, high=1e6, unit=" µs")
+    eta = _number("restitution", restitution, low=0.0, high=1.0)
+    area = _number("plate_area_um2", plate_area_um2, low=0.0, high=math.inf, unit=" µm²")
+    stick = _number("v_stick", v_stick, low=0.0, high=math.inf, unit=" µm/µs")
+    tolerance = _number("rtol", rtol, low=0.0, high=RTOL_RANGE[1])
+    if tolerance < RTOL_RANGE[0]:
+        raise SimulationError(f"rtol is {rtol!r}; below {RTOL_RANGE[0]:g} rounding dominates: use a larger one")
+    if method not in _kernel.METHODS:
+        raise SimulationError(f"method is {method!r}; it must be one of {', '.join(_kernel.METHODS)}")
+    if not isinstance(waveform, Waveform):
+        raise SimulationError(
+            f"waveform is a {type(waveform).__name__}; it must be a softclose.Waveform, e.g. Waveform([Pulse(...)])"
+        )
+    waveform.check(max_volts, horizon)
+    if np.dtype(dtype) not in (np.dtype(np.float32), np.dtype(np.float64)):
+        raise SimulationError(f"dtype is {dtype!r}; x and v can be written as numpy.float32 or numpy.float64")
+    times = np.zeros(0) if times_us is None else _check_times(times_us, horizon)
+    n_events = _count("max_impacts", max_impacts, 0)
+    out = _kernel.run(
+        table, waveform, horizon_us=horizon, restitution=eta, plate_area_um2=area, rtol=tolerance, times_us=times,
+        method=method, threads=_count("threads", threads, 1), max_impacts=n_events, dtype=dtype, v_stick=stick,
+        max_steps=_count("max_steps", max_steps, 1),
+    )  # fmt: skip
+    sampled, n = times_us is not None, len(table)
+    return Responses(
+        max_contact_speed=out.metrics[0],
+        first_contact_us=out.metrics[1],
+        settling_us=out.metrics[2],
+        final_x=out.metrics[3],
+        final_v=out.metrics[4],
+        closed=out.closed,
+        n_impacts=out.n_impacts,
+        status=out.status,
+        impact_time_us=out.impact_time[:n] if n_events else None,
+        impact_speed=out.impact_speed[:n] if n_events else None,
+        times_us=times if sampled else None,
+        x=(out.x if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
+        v=(out.v if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
+    )
+
+
+def _check_switches(switches: ArrayLike) -> FloatArray:
+    try:
+        table = np.ascontiguousarray(switches, dtype=np.float64)
+    except (TypeError, ValueError) as e:
+        raise SimulationError(f"switches cannot be read as numbers ({e}); give an (n, 4) array D, G, K, M") from e
+    if table.ndim != 2 or table.shape[1] != 4:
+        raise SimulationError(
+            f"switches has shape {table.shape}; it must be (n, 4): D [µm], G [µm], K [N/m], M [µg] of each switch"
+        )
+    d, g, k, m = table.T
+    for bad, rule in (
+        (~np.isfinite(table).all(axis=1), "every entry must be finite"),
+        (~(d > 0.0), "the travel D must be above 0 µm"),
+        (~(g > d), "the gap G must be wider than the travel D"),
+        (~(k > 0.0), "the stiffness K must be above 0 N/m"),
+        (~(m > 0.0), "the mass M must be above 0 µg"),
+    ):
+        if bad.any():
+            i = int(bad.argmax())
+            row = ", ".join(f"{name} {value:g}" for name, value in zip("DGKM", table[i], strict=True))
+            raise SimulationError(
+                f"switches row {i} is {row}; {rule} ({int(bad.sum())} of {len(table)} rows): correct or drop such rows"
+            )
+    return table
+
+
+def _check_times(times_us: ArrayLike, horizon: float) -> FloatArray:
+    try:
+        times = np.ascontiguousarray(times_us, dtype=np.float64)
+    except (TypeError, ValueError) as e:
+        raise SimulationError(f"times_us cannot be read as numbers ({e}); give sorted instants in µs") from e
+    if times.ndim != 1:
+        raise SimulationError(f"times_us has shape {times.shape}; it must be one-dimensional")
+    if len(times) and not (times[0] >= 0.0 and times[-1] <= horizon and bool((np.diff(times) >= 0.0).all())):
+        raise SimulationError(
+            f"times_us runs from {times.min():g} to {times.max():g} µs; it must be sorted and within "
+            f"[0, {horizon:g}] µs (the horizon): sort it or raise horizon_us"
+        )
+    return times
+
+
+def _number(name: str, value: float, *, low: float, high: float, unit: str = "") -> float:
+    """Value as a float in (low, high], or in (low, inf) where there is no upper limit."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as e:
+        raise SimulationError(f"{name} is {value!r}; it must be a number") from e
+    if not (low < number <= high and math.isfinite(number)):
+        allowed = f"above {low:g}{unit}" + (f" and at most {high:g}{unit}" if math.isfinite(high) else " and finite")
+        raise SimulationError(f"{name} is {number:g}{unit}; it must be {allowed}")
+    return number
+
+
+def _count(name: str, value: int, low: int) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError as e:
+        raise SimulationError(f"{name} is {value!r}; it must be a whole number") from e
+    if number < low:
+        raise SimulationError(f"{name} is {number}; it must be at least {low}")
+    return number
