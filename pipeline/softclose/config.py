@@ -133,6 +133,32 @@ class OptimiserSection:
 
     engine: Annotated[str, Field(min_length=1)] = "skopt"
     """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
+    n_initial: Annotated[int, Field(ge=2, strict=True)] = 20
+    """Space-filling candidates before the surrogate proposes."""
+    n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
+    """Points at which the acquisition is screened."""
+    n_polish: Annotated[int, Field(ge=0, strict=True)] = 3
+    """Best of them, polished by L-BFGS."""
+    fit_iterations: Count = 12
+    """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
+    global_every: Annotated[int, Field(ge=0, strict=True)] = 4
+    """Every so many proposals the acquisition looks everywhere; 0: never."""
+    warp: Literal["none", "clip", "log"] = "clip"
+    """What the surrogate sees of g: as it is, cut off above the median, or its logarithm above the best."""
+    noise_share: Annotated[float, Field(ge=0, le=1)] = 0.02
+    """Share of g's sampling variance that counts as noise between candidates, which share one ensemble."""
+    length_initial: Positive = 0.8
+    """Width of the trust region at the start, in units of the search cube."""
+    length_min: Positive = 0.01
+    """Width below which the trust region starts again."""
+    length_max: Positive = 1.6
+    """Largest width."""
+    success_tolerance: Count = 3
+    """Successes in a row that double the trust region."""
+    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Failures in a row that halve it; 0: as many as there are parameters."""
+    improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
+    """Least decrease of g that counts as a success [cm/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)

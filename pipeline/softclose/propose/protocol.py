@@ -1,0 +1,163 @@
+"""Owns the protocol between a campaign and whoever proposes its waveforms, and the registry of engines.
+
+`propose` is a pure function of (configuration, index, records 0 … index-lag, waveforms in between): no engine keeps state
+between calls, so nothing is replayed on resume and any process gives the same answer (DESIGN §2).
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
+
+import numpy as np
+
+from softclose.spaces import Scales, Space, build_space
+from softclose.waveform import Waveform
+
+if TYPE_CHECKING:
+    from softclose.config import CampaignConfig
+    from softclose.population import Population
+
+
+class EngineError(ValueError):
+    """An engine that does not exist, is not installed, or does not fit the search space."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """One committed candidate, as the store holds it."""
+
+    index: int
+    """Position in the campaign."""
+    waveform: Waveform
+    """What was applied."""
+    origin: str
+    """Who proposed it: `Proposal.origin`, or "initial" for a waveform of the user's own."""
+    n_switches: int
+    """Switches that it was evaluated on."""
+    g_cm_s: float
+    """Objective [cm/s]; NaN where failed."""
+    g_se_cm_s: float
+    """Standard error of g from the finite ensemble [cm/s]; NaN where undefined."""
+    v_u_cm_s: float
+    """Upper velocity, Eqs. 8-9 [cm/s]; NaN where undefined."""
+    mean_cm_s: float
+    """Mean contact speed [cm/s]; NaN where undefined."""
+    p_nc: float
+    """Fraction not closed at the horizon."""
+    p_contact: float
+    """Fraction that touched."""
+    failed: bool
+    """True where no usable result exists; engines learn nothing from it but its place."""
+
+    @property
+    def usable(self) -> bool:
+        """True where g is a number."""
+        return not self.failed and bool(np.isfinite(self.g_cm_s))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proposal:
+    """The next candidate."""
+
+    waveform: Waveform
+    """Admissible by construction: the search space repairs what is not."""
+    origin: str
+    """One short word for the store: sobol, trust-region, global, finish, fallback, …"""
+    n_switches: int
+    """Switches to evaluate it on."""
+    surrogate: dict[str, float] = field(default_factory=dict)
+    """What the surrogate believed (prediction, length scales, noise, trust region); {} for engines without one."""
+    note: str = ""
+    """Why something unusual was done, e.g. a fallback; empty as a rule."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything an engine may know; all of it follows from the configuration."""
+
+    config: CampaignConfig
+
+    @cached_property
+    def population(self) -> Population:
+        """The population, from the configuration's own description."""
+        return self.config.build_population()
+
+    @cached_property
+    def space(self) -> Space:
+        """The search space, scaled by the population's mean switch."""
+        config = self.config
+        scales = Scales.from_switch(
+            np.asarray(self.population.mean_switch, dtype=np.float64),
+            plate_area_um2=config.model.plate_area_um2,
+            max_volts=config.waveform.max_volts,
+            min_rise_us=config.waveform.min_rise_us,
+            horizon_us=config.model.horizon_us,
+        )
+        return build_space(config.waveform.space, scales)
+
+    @property
+    def n_initial_waveforms(self) -> int:
+        """Number of the user's own waveforms at the head of the campaign."""
+        return len(self.config.waveform.initial)
+
+    def generator(self, stream: str, index: int) -> np.random.Generator:
+        """Random numbers keyed by (campaign.seed, stream, index): never drawn from a shared generator."""
+        key = int.from_bytes(stream.encode()[:8].ljust(8, b"\0"), "big")
+        return np.random.default_rng(np.random.SeedSequence([self.config.campaign.seed, key, index]))
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """Whoever proposes waveforms."""
+
+    def propose(
+        self, problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]
+    ) -> Proposal:
+        """The candidate `index`, from the committed candidates `history` and the waveforms in flight `pending`.
+
+        Pure: the same arguments give the same bits. history is in order of index and ends at index - lag; pending holds
+        the waveforms of the candidates between.
+        """
+        ...
+
+
+_ENGINES = {
+    "sobol": "sobol:SobolEngine",
+    "skopt": "skopt_engine:SkoptEngine",
+    "paper": "paper:PaperEngine",
+    "direct": "direct:DirectEngine",
+    "cmaes": "cmaes:CmaesEngine",
+    "botorch": "botorch:BotorchEngine",
+    "finish": "finish:FinishEngine",
+}
+
+
+def engine_names() -> tuple[str, ...]:
+    """Names that `load_engine` knows: those shipped, then installed entry points of group softclose.engines."""
+    shipped = tuple(name for name in _ENGINES if name != "finish")
+    return shipped + tuple(sorted(e.name for e in entry_points(group="softclose.engines")))
+
+
+def load_engine(name: str) -> Engine:
+    """The engine of that name; imports only that engine. Raises EngineError naming the nearest known one."""
+    if name in _ENGINES:
+        module, attribute = _ENGINES[name].split(":")
+        return cast(Engine, getattr(importlib.import_module(f"softclose.propose.{module}"), attribute)())
+    for entry in entry_points(group="softclose.engines"):
+        if entry.name == name:
+            loaded = entry.load()
+            return cast(Engine, loaded() if isinstance(loaded, type) else loaded)
+    near = difflib.get_close_matches(name, engine_names(), n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise EngineError(f"no engine named {name!r}{hint} Known: {', '.join(engine_names())} (optimiser.engine)")
+
+
+def search_history(problem: Problem, history: Sequence[Observation]) -> list[Observation]:
+    """The records of the search itself, without those of the finishing stage."""
+    return [o for o in history if o.index < problem.config.campaign.budget]

@@ -1,0 +1,77 @@
+"""Owns the trust region: a box around the incumbent whose size is replayed from the recorded candidates alone.
+
+After TuRBO (Eriksson et al. 2019): doubled after a run of successes, halved after a run of failures, restarted when it has
+shrunk to nothing. Nothing is remembered between proposals: `replay` reads the records and their origins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+LOCAL, GLOBAL, DESIGN = "trust-region", "global", "sobol"
+"""Origins of the three kinds of proposal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrustRegionRules:
+    """How the box grows and shrinks. Lengths are full widths, in units of the cube."""
+
+    initial: float
+    smallest: float
+    largest: float
+    successes: int
+    """Successes in a row before the box doubles."""
+    failures: int
+    """Failures in a row before it halves."""
+    improvement_cm_s: float
+    """Least decrease of g that counts as a success."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrustRegion:
+    """The state after a history."""
+
+    length: float
+    """Width of the box before the weights of the axes."""
+    incumbent: int | None
+    """Position of the best record of this restart in the history; None where there is none."""
+    begin: int
+    """Position in the history at which this restart began."""
+    restarts: int
+    """Restarts so far."""
+
+    def box(self, centre: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corner (d,), the widths weighted by the length scales (geometric mean 1), within the cube."""
+        weights = length_scales / np.exp(np.mean(np.log(length_scales)))
+        half = 0.5 * self.length * weights
+        return np.clip(centre - half, 0.0, 1.0), np.clip(centre + half, 0.0, 1.0)
+
+
+def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules, *, n_restart: int = 0) -> TrustRegion:
+    """The trust region after the records (g [cm/s], NaN where failed; origin), in their order."""
+    length, successes, failures, begin, restarts = rules.initial, 0, 0, 0, 0
+    incumbent: int | None = None
+    best = np.inf
+    for i, (value, origin) in enumerate(zip(g, origins, strict=True)):
+        better = bool(np.isfinite(value)) and value < best - rules.improvement_cm_s
+        if np.isfinite(value) and value < best:
+            best, incumbent = value, i
+        if origin != LOCAL:
+            continue
+        successes, failures = (successes + 1, 0) if better else (0, failures + 1)
+        if successes >= rules.successes:
+            length, successes = min(2.0 * length, rules.largest), 0
+        elif failures >= rules.failures:
+            length, failures = 0.5 * length, 0
+        if length < rules.smallest:
+            length, successes, failures = rules.initial, 0, 0
+            restarts += 1
+            if n_restart:
+                begin, best, incumbent = i + 1, np.inf, None
+    return TrustRegion(length=length, incumbent=incumbent, begin=begin, restarts=restarts)

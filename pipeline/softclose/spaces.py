@@ -1,0 +1,327 @@
+"""Owns the search spaces: unit cube <-> waveform, in coordinates that mean the same for every design.
+
+A finite pulse is its impulse I = u²·(tp + ¾·tr) (the time integral of u²: what decides the momentum of the plate), its rise
+time and its voltage; the gap to the next pulse is measured from the end of the flat top, in natural periods. Every scale
+follows from the mean switch and the limits, so another thickness, gap or voltage limit needs no other numbers (ADR 030).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
+
+FloatArray = NDArray[np.float64]
+
+EPSILON_0 = 8.8541878128e-12
+"""Vacuum permittivity [F/m]."""
+
+_RAMPS = 0.75
+"""∫s² over the rise and the fall together, in rise times: raised cosines give 2·3/8."""
+
+
+class SpaceError(ValueError):
+    """A search space that does not exist, or a waveform or point that does not belong to it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """The natural units of a design, and the limits of its drive."""
+
+    period_us: float
+    """Natural period of the mean switch [µs]."""
+    impulse: float
+    """Impulse that lets a mean switch with its gap fixed coast to contact, ω·D·G²/c [V²·µs]."""
+    pull_in_volts: float
+    """Static pull-in voltage of the mean switch, Eq. 3 [V]."""
+    hold_volts: float
+    """Voltage that just holds the mean switch in contact [V]."""
+    max_volts: float = MAX_VOLTS
+    """Limit on the sum of the pulses [V]."""
+    min_rise_us: float = MIN_RISE_US
+    """Fastest rise [µs]."""
+    horizon_us: float = 250.0
+    """End of the simulated time [µs]."""
+
+    @classmethod
+    def from_switch(
+        cls,
+        switch: ArrayLike,
+        *,
+        plate_area_um2: float,
+        max_volts: float = MAX_VOLTS,
+        min_rise_us: float = MIN_RISE_US,
+        horizon_us: float = 250.0,
+    ) -> Scales:
+        """Scales of one switch: (4,) D, G [µm], K [N/m], M [µg], the population's mean as a rule."""
+        travel, gap, stiffness, mass = (float(v) for v in np.asarray(switch, dtype=np.float64))
+        c = EPSILON_0 * 1e6 * plate_area_um2 / (2000.0 * mass)
+        k = stiffness / (1000.0 * mass)
+        omega = math.sqrt(k)
+        return cls(
+            period_us=2.0 * math.pi / omega,
+            impulse=omega * travel * gap**2 / c,
+            pull_in_volts=math.sqrt(8.0 * k * gap**3 / (54.0 * c)),
+            hold_volts=(gap - travel) * math.sqrt(k * travel / c),
+            max_volts=max_volts,
+            min_rise_us=min_rise_us,
+            horizon_us=horizon_us,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coordinate:
+    """One axis of the unit cube."""
+
+    name: str
+    """impulse, rise, volts, gap or peak, with the number of its pulse from 1."""
+    low: float
+    """Value at 0, in the unit of the name: impulse [scale], rise [µs], volts [V], gap [periods], peak [µs]."""
+    high: float
+    """Value at 1."""
+    log: bool = False
+    """True where the axis is logarithmic."""
+
+    def value(self, u: FloatArray) -> FloatArray:
+        """Unit -> physical, any shape."""
+        if self.log:
+            return self.low * np.exp(u * math.log(self.high / self.low))
+        return self.low + u * (self.high - self.low)
+
+    def unit(self, value: float) -> float:
+        """Physical -> unit; outside [0, 1] where the value is outside, ±inf where it has no logarithm."""
+        if self.log:
+            return math.log(value / self.low) / math.log(self.high / self.low) if value > 0.0 else -math.inf
+        return (value - self.low) / (self.high - self.low)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Space:
+    """A search space: d coordinates in [0, 1], every one of which yields an admissible waveform.
+
+    Points whose pulses would exceed the voltage limit are repaired, deterministically: the later pulse is delayed until the
+    sum fits. `canonical` gives the point that stands for the repaired waveform; on it `unit` and `waveform` are inverse.
+    """
+
+    name: str
+    n_pulses: int
+    holds: bool
+    """True where the last pulse holds."""
+    scales: Scales
+    coordinates: tuple[Coordinate, ...]
+    fixed: tuple[tuple[str, float], ...] = ()
+    """Physical values of the parameters that are not free."""
+
+    @property
+    def dim(self) -> int:
+        """Number of free parameters."""
+        return len(self.coordinates)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(c.name for c in self.coordinates)
+
+    def rows(self, points: ArrayLike) -> FloatArray:
+        """(n, d) unit points -> (n, n_pulse, 4) start, rise, peak [µs], volts, before the limit on the sum is applied."""
+        u = np.clip(np.atleast_2d(np.asarray(points, dtype=np.float64)), 0.0, 1.0)
+        if u.shape[1] != self.dim:
+            raise SpaceError(f"a point of {self.name} has {self.dim} coordinates; got {u.shape[1]}")
+        values = {c.name: c.value(u[:, i]) for i, c in enumerate(self.coordinates)}
+        values |= {name: np.full(len(u), value) for name, value in self.fixed}
+        rows = np.empty((len(u), self.n_pulses, 4))
+        s = self.scales
+        least = {c.name: c.low for c in self.coordinates} | dict(self.fixed)
+        start = np.zeros(len(u))
+        plateau_end = np.zeros(len(u))
+        for j in range(1, self.n_pulses + 1):
+            rise, volts = values[f"rise{j}"], values[f"volts{j}"]
+            if j == self.n_pulses:
+                peak = np.full(len(u), math.inf) if self.holds else values[f"peak{j}"]
+            else:
+                # The ramps alone hold ¾·tr·u². Where that is more than the impulse asked for, the voltage gives way: the
+                # impulse is what the motion is most sensitive to.
+                impulse = np.maximum(values[f"impulse{j}"] * s.impulse, _RAMPS * rise * least[f"volts{j}"] ** 2)
+                volts = np.minimum(volts, np.sqrt(impulse / (_RAMPS * rise)))
+                peak = np.maximum(impulse / volts**2 - _RAMPS * rise, 0.0)
+            if j > 1:
+                start = np.maximum(start, plateau_end + values[f"gap{j}"] * s.period_us)
+            rows[:, j - 1] = np.stack([start, rise, peak, volts], axis=1)
+            plateau_end = start + rise + peak
+        return rows
+
+    def waveform(self, point: ArrayLike) -> Waveform:
+        """(d,) unit point, clipped to the cube -> an admissible waveform."""
+        return self._repair(self.rows(np.asarray(point, dtype=np.float64)[None, :])[0])
+
+    def unit(self, waveform: Waveform, *, clip: bool = False) -> FloatArray:
+        """(d,) unit point of a waveform; the inverse of `waveform`.
+
+        Raises SpaceError where the waveform has another form (number of pulses, holding, a fixed parameter) or, unless
+        clip, lies outside the ranges.
+        """
+        point = self.coordinates_of(waveform)
+        outside = ~((point >= -1e-9) & (point <= 1.0 + 1e-9))
+        if outside.any() and not clip:
+            i = int(np.flatnonzero(outside)[0])
+            c = self.coordinates[i]
+            got = float(c.value(point[i : i + 1])[0])
+            raise SpaceError(
+                f"{c.name} is {got:.6g}, outside [{c.low:.6g}, {c.high:.6g}] of space {self.name}: "
+                "it cannot be a point of this space (clip=True takes the nearest)"
+            )
+        return np.clip(point, 0.0, 1.0)
+
+    def coordinates_of(self, waveform: Waveform) -> FloatArray:
+        """(d,) coordinates, outside [0, 1] where the waveform is outside the ranges. Raises SpaceError on another form."""
+        pulses = waveform.pulses
+        if len(pulses) != self.n_pulses:
+            raise SpaceError(f"the waveform has {len(pulses)} pulses; space {self.name} has {self.n_pulses}")
+        holding = [p.holds for p in pulses]
+        if any(holding[:-1]) or holding[-1] != self.holds:
+            last = "hold" if self.holds else "end"
+            raise SpaceError(f"in space {self.name} the last pulse must {last}, and no other pulse may hold")
+        values: dict[str, float] = {}
+        plateau_end = 0.0
+        for j, p in enumerate(pulses, start=1):
+            values[f"rise{j}"], values[f"volts{j}"] = p.rise_us, p.volts
+            if j > 1:
+                values[f"gap{j}"] = (p.start_us - plateau_end) / self.scales.period_us
+            elif p.start_us > 1e-9:
+                raise SpaceError(f"the first pulse starts at {p.start_us:g} µs; in space {self.name} it starts at 0")
+            if j < self.n_pulses:
+                values[f"impulse{j}"] = p.volts**2 * (p.peak_us + _RAMPS * p.rise_us) / self.scales.impulse
+            else:
+                values[f"peak{j}"] = p.peak_us
+            plateau_end = p.start_us + p.rise_us + p.peak_us
+        for name, value in self.fixed:
+            if not math.isclose(values[name], value, rel_tol=1e-9):
+                raise SpaceError(f"{name} is {values[name]:.6g}; space {self.name} fixes it at {value:.6g}")
+        return np.array([c.unit(values[c.name]) for c in self.coordinates])
+
+    def canonical(self, point: ArrayLike) -> FloatArray:
+        """(d,) the point that stands for the waveform of `point`, after every repair."""
+        return self.unit(self.waveform(point), clip=True)
+
+    def settle(self, points: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Fast, vectorised and approximate `canonical`: (n, d) points and (n,) whether they respect the limit on the sum.
+
+        A later pulse that is too early is moved to the end of the flat top before it; what still does not fit is flagged.
+        For screening thousands of candidates; what is proposed goes through `waveform`.
+        """
+        u = np.array(np.clip(np.atleast_2d(np.asarray(points, dtype=np.float64)), 0.0, 1.0))
+        rows = self.rows(u)
+        fits = self._peak(rows) <= self.scales.max_volts * (1.0 + 1e-6)
+        gaps = [i for i, c in enumerate(self.coordinates) if c.name.startswith("gap")]
+        if not fits.all() and gaps:
+            moved = u[~fits]
+            for i in gaps:
+                moved[:, i] = np.maximum(moved[:, i], self.coordinates[i].unit(0.0))
+            u[~fits] = moved
+            rows[~fits] = self.rows(moved)
+            fits[~fits] = self._peak(rows[~fits]) <= self.scales.max_volts * (1.0 + 1e-6)
+        return self._coordinates(rows), fits
+
+    def _coordinates(self, rows: FloatArray) -> FloatArray:
+        """Vectorised `coordinates_of`, clipped: (n, n_pulse, 4) -> (n, d)."""
+        out = np.empty((len(rows), self.dim))
+        plateau_end = rows[:, :, 0] + rows[:, :, 1] + rows[:, :, 2]
+        for i, c in enumerate(self.coordinates):
+            j = int(c.name[-1]) - 1
+            start, rise, peak, volts = rows[:, j].T
+            if c.name.startswith("impulse"):
+                value = volts**2 * (peak + _RAMPS * rise) / self.scales.impulse
+            elif c.name.startswith("gap"):
+                value = (start - plateau_end[:, j - 1]) / self.scales.period_us
+            else:
+                value = {"rise": rise, "peak": peak, "volts": volts}[c.name[:-1]]
+            out[:, i] = (
+                np.log(value / c.low) / math.log(c.high / c.low) if c.log else (value - c.low) / (c.high - c.low)
+            )
+        return np.clip(out, 0.0, 1.0)
+
+    @staticmethod
+    def _peak(rows: FloatArray) -> FloatArray:
+        """(n,) largest sum of the pulses at the knots and 15 points of every ramp [V]; at most about 0.5 % low."""
+        start, rise, peak, volts = np.moveaxis(rows, 2, 0)[..., None]
+        ramp = np.linspace(0.0, 1.0, 16)
+        fall_start = start + rise + np.where(np.isinf(peak), 0.0, peak)
+        t = np.concatenate([start + rise * ramp, fall_start + rise * ramp], axis=2).reshape(len(rows), 1, -1)
+        up = np.clip((t - start) / rise, 0.0, 1.0)
+        down = np.clip((t - start - rise - peak) / rise, 0.0, 1.0)
+        shape = 0.5 * (np.cos(np.pi * down) - np.cos(np.pi * up))
+        return np.asarray((volts * shape).sum(axis=1).max(axis=1))
+
+    def _repair(self, rows: FloatArray) -> Waveform:
+        """Delay each pulse until the sum of the pulses so far respects the limit."""
+        limit = self.scales.max_volts * (1.0 + 5e-10)
+        pulses = [Pulse(*rows[0])]
+        for row, before in zip(rows[1:], rows[:-1], strict=True):
+            gap = row[0] - (before[0] + before[1] + before[2])
+            previous = pulses[-1]
+            earliest = max(previous.start_us, previous.start_us + previous.rise_us + previous.peak_us + gap)
+            pulse = replace(Pulse(*row), start_us=earliest)
+            clear = max(p.end_us for p in pulses)
+
+            def fits(start: float, pulse: Pulse = pulse) -> bool:
+                together = Waveform([*pulses, replace(pulse, start_us=start)])
+                return together.max_voltage(self._span(together)) <= limit
+
+            if earliest < clear and not fits(earliest):
+                low, high = earliest, clear
+                while high - low > 1e-6:
+                    middle = 0.5 * (low + high)
+                    low, high = (low, middle) if fits(middle) else (middle, high)
+                pulse = replace(pulse, start_us=high)
+            pulses.append(pulse)
+        return Waveform(pulses)
+
+    def _span(self, waveform: Waveform) -> float:
+        """An instant after which the waveform no longer changes, at least the horizon [µs]."""
+        last = max(p.start_us + p.rise_us if p.holds else p.end_us for p in waveform.pulses)
+        return max(self.scales.horizon_us, last)
+
+
+def build_space(name: str, scales: Scales) -> Space:
+    """One of `SPACES` in the units of one design. Raises SpaceError naming the nearest known one."""
+    if name not in SPACES:
+        near = difflib.get_close_matches(name, SPACES, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise SpaceError(f"no search space named {name!r}{hint} Known: {', '.join(SPACES)} (waveform.space)")
+    n_pulses, holds = SPACES[name]
+    s = scales
+    weakest = min(0.25 * s.pull_in_volts, 0.5 * s.max_volts)
+    axes: list[Coordinate] = []
+    for j in range(1, n_pulses + 1):
+        last = j == n_pulses
+        if j > 1:
+            axes.append(Coordinate(name=f"gap{j}", low=-1.0, high=2.0))
+        if not last:
+            axes.append(Coordinate(name=f"impulse{j}", low=0.0, high=2.5))
+        slowest = max((2.5 if last else 1.0) * s.period_us, 2.0 * s.min_rise_us)
+        axes.append(Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slowest, log=True))
+        axes.append(Coordinate(name=f"volts{j}", low=weakest, high=s.max_volts))
+        if last and not holds:
+            axes.append(Coordinate(name=f"peak{j}", low=0.25 * s.min_rise_us, high=2.0 * s.horizon_us, log=True))
+    fixed: tuple[tuple[str, float], ...] = ()
+    if name == "two-pulse-paper":
+        fixed = (("rise1", s.min_rise_us), ("volts1", s.max_volts))
+        axes = [a for a in axes if a.name not in dict(fixed)]
+    return Space(
+        name=name, n_pulses=n_pulses, holds=holds, scales=s, coordinates=tuple(axes), fixed=fixed
+    )
+
+
+SPACES: dict[str, tuple[int, bool]] = {
+    "two-pulse-paper": (2, True),
+    "two-pulse-full": (2, True),
+    "two-pulse-release": (2, False),
+    "three-pulse-full": (3, True),
+    "three-pulse-release": (3, False),
+}
+"""Name -> number of pulses, whether the last one holds."""
