@@ -147,7 +147,7 @@ def quantile_standard_error(ordered: FloatArray, level: float) -> float:
 
 
 def _window(n: int, level: float, centre: float) -> tuple[int, int]:
-    """Range of counts beyond which a binomial(n, level) variable has no weight that matters: ten standard deviations."""
+    """Counts within ten standard deviations of binomial(n, level); those beyond carry no weight that matters."""
     reach = 10.0 * math.sqrt(n * level * (1.0 - level)) + 10.0
     return max(int(centre - reach), 0), min(int(centre + reach), n)
 

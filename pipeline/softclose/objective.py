@@ -97,7 +97,7 @@ class Assessment:
     confidence: float
     """Confidence of every interval."""
     intervals_valid: bool
-    """True for independent random sampling. Quasi-random points are not independent: no interval here holds for them."""
+    """True for independent random sampling. Quasi-random points are not independent: no interval holds for them."""
 
     def to_dict(self) -> dict[str, Any]:
         """Nested plain values, for JSON and stores."""

@@ -1,0 +1,166 @@
+"""The objective: Eqs. 7-11 on made-up responses with known answers, and the coverage of its intervals."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from softclose import assess
+from softclose.objective import ObjectiveError
+
+
+@dataclass(frozen=True)
+class Made:
+    """A response that nobody simulated."""
+
+    max_contact_speed: NDArray[np.float64]
+    closed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class MadeWithStatus(Made):
+    """The same with status codes."""
+
+    status: NDArray[np.int8]
+
+
+def _made(speeds_cm_s: list[float], closed: list[bool] | None = None) -> Made:
+    v = np.array(speeds_cm_s) / 100.0
+    return Made(v, ~np.isnan(v) if closed is None else np.array(closed))
+
+
+def test_eqs_7_to_10_on_ten_switches() -> None:
+    a = assess(_made([*range(1, 11)], [True] * 9 + [False]), limits_cm_s=(5.0, 8.5))  # type: ignore[list-item]
+    assert a.v_u_cm_s == 9.0  # smallest speed that 90 % do not exceed
+    assert a.p_nc == 0.1
+    assert a.g_cm_s == pytest.approx(9.0 + 25.0 * 0.1)
+    assert a.mean_cm_s == 5.5
+    assert a.max_cm_s == 10.0
+    assert a.p_above_v_u == 0.1
+    assert [e.probability.estimate for e in a.p_exceed] == [0.5, 0.2]
+    assert a.feasible
+    assert a.intervals_valid
+
+
+def test_speeds_count_over_the_switches_in_contact_and_p_nc_over_all() -> None:
+    a = assess(_made([10.0] * 8 + [20.0, 30.0] + [math.nan] * 10), limits_cm_s=(19.7,))
+    assert (a.n, a.n_contact, a.n_closed) == (20, 10, 10)
+    assert a.p_contact == a.p_nc == 0.5
+    assert a.v_u_cm_s == 20.0
+    assert a.mean_cm_s == 13.0
+    assert (a.p_exceed[0].probability.count, a.p_exceed[0].probability.n) == (2, 10)
+
+
+def test_without_contact_nothing_is_reported_and_g_is_still_a_number() -> None:
+    a = assess(_made([math.nan] * 50))
+    assert a.g_cm_s == 60.0 + 25.0
+    assert all(map(math.isnan, (a.v_u_cm_s, a.mean_cm_s, a.p_above_v_u, *a.v_u_interval, *a.mean_interval)))
+    assert 0.0 < a.g_se_cm_s < 2.0
+    assert a.g_interval[0] <= a.g_cm_s <= a.g_interval[1]
+
+
+def test_too_few_in_contact_leave_v_u_undefined() -> None:
+    few = _made([5.0] * 9 + [math.nan] * 91)
+    assert math.isnan(assess(few).v_u_cm_s)
+    assert assess(few).g_cm_s == pytest.approx(60.0 + 25.0 * 0.91)
+    assert assess(few).mean_cm_s == pytest.approx(5.0)
+    assert assess(few, min_contact=0.05).v_u_cm_s == 5.0
+    assert assess(few, undefined_v_u_cm_s=80.0).g_cm_s == pytest.approx(80.0 + 25.0 * 0.91)
+    assert assess(few, min_contact=0.05).g_interval[1] == math.inf  # 9 draws bound no 90 % quantile from above
+
+
+def test_failed_switches_count_as_open_without_contact() -> None:
+    v = np.array([0.1, 0.2, 0.3, 9.0])
+    a = assess(MadeWithStatus(v, np.ones(4, dtype=bool), np.array([0, 0, 0, 1], dtype=np.int8)))
+    assert (a.n, a.n_failed, a.n_contact, a.n_closed) == (4, 1, 3, 3)
+    assert a.max_cm_s == pytest.approx(30.0)
+
+
+def test_the_chance_form_is_v_u_where_p_nc_is_allowed_and_penalised_beyond() -> None:
+    response = _made([10.0] * 100, [True] * 97 + [False] * 3)
+    inside = assess(response, form="chance", p_max=0.03)
+    assert inside.feasible
+    assert inside.g_cm_s == inside.v_u_cm_s
+    outside = assess(response, form="chance", p_max=0.01, chance_penalty_cm_s=500.0)
+    assert not outside.feasible
+    assert outside.g_cm_s == pytest.approx(outside.v_u_cm_s + 500.0 * 0.02)
+
+
+def test_sobol_intervals_are_marked_as_not_holding() -> None:
+    assert not assess(_made([1.0, 2.0]), sampling="sobol").intervals_valid
+
+
+def test_an_assessment_is_plain_json() -> None:
+    data = assess(_made([float(i) for i in range(1, 101)])).to_dict()
+    assert json.loads(json.dumps(data))["p_nc_intervals"]["wilson"][0] == 0.0
+
+
+@given(st.permutations(list(range(12))), st.integers(0, 12))
+def test_the_order_of_the_switches_does_not_matter(order: list[int], n_open: int) -> None:
+    v = np.linspace(0.1, 0.3, 12)
+    closed = np.arange(12) >= n_open
+    a, b = assess(Made(v, closed)), assess(Made(v[order], closed[order]))
+    assert a.to_dict() == pytest.approx(b.to_dict(), rel=1e-12) or a.g_cm_s == b.g_cm_s
+    assert (a.g_cm_s, a.v_u_cm_s, a.p_nc) == (b.g_cm_s, b.v_u_cm_s, b.p_nc)
+    assert a.g_se_cm_s == pytest.approx(b.g_se_cm_s)
+
+
+def _lot(rng: np.random.Generator, n: int) -> Made:
+    """Fast switches stay open more often, so v_u and p_nc are correlated."""
+    v = np.where(rng.random(n) < 0.03, np.nan, rng.gamma(9.0, 0.02, n))
+    closed = ~np.isnan(v) & (rng.random(n) > 0.02 + 0.1 * (v > 0.2))
+    return Made(v, closed)
+
+
+@pytest.mark.parametrize("form", [{}, {"form": "chance", "p_max": 0.07}])
+def test_intervals_and_standard_error_of_g_hold_in_simulation(form: dict[str, object]) -> None:
+    rng = np.random.default_rng(12)
+    truth = assess(_lot(rng, 2_000_000), **form)  # type: ignore[arg-type]
+    lots = [assess(_lot(rng, 400), **form) for _ in range(1000)]  # type: ignore[arg-type]
+    g = np.array([a.g_cm_s for a in lots])
+    assert 0.93 < np.mean([a.g_interval[0] <= truth.g_cm_s <= a.g_interval[1] for a in lots])
+    assert 0.93 < np.mean([a.v_u_interval[0] <= truth.v_u_cm_s <= a.v_u_interval[1] for a in lots])
+    assert 0.93 < np.mean([a.mean_interval[0] <= truth.mean_cm_s <= a.mean_interval[1] for a in lots])
+    assert np.mean([a.g_se_cm_s for a in lots]) == pytest.approx(g.std(), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"level": 90}, "level is 90; it must lie between 0 and 1"),
+        ({"level": "0.9"}, "level is '0.9'"),
+        ({"c1_cm_s": -1.0}, "c1_cm_s is -1"),
+        ({"c1_cm_s": math.nan}, "c1_cm_s is nan"),
+        ({"min_contact": 2}, "min_contact is 2"),
+        ({"limits_cm_s": (-3.0,)}, "limits_cm_s has -3"),
+        ({"form": "chanse"}, "one of penalty, chance"),
+        ({"form": "chance"}, "needs p_max"),
+        ({"form": "chance", "p_max": 5}, "p_max is 5"),
+        ({"p_max": 0.1}, "use form 'chance'"),
+        ({"confidence": 95}, "confidence is 95"),
+    ],
+)
+def test_bad_settings_are_named(settings: dict[str, object], words: str) -> None:
+    with pytest.raises(ObjectiveError, match=words):
+        assess(_made([1.0, 2.0]), **settings)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("response", "words"),
+    [
+        (Made(np.zeros((2, 2)), np.zeros((2, 2), dtype=bool)), "must be .n,."),
+        (Made(np.zeros(0), np.zeros(0, dtype=bool)), "one or more switches"),
+        (Made(np.zeros(3), np.zeros(2, dtype=bool)), "max_contact_speed has shape .3,. and closed .2,."),
+        (Made(np.array([-1.0]), np.array([True])), "infinite or negative"),
+        (MadeWithStatus(np.ones(2), np.ones(2, dtype=bool), np.zeros(3, dtype=np.int8)), "status has shape"),
+    ],
+)
+def test_a_response_that_cannot_be_assessed_is_refused(response: Made, words: str) -> None:
+    with pytest.raises(ObjectiveError, match=words):
+        assess(response)
