@@ -204,9 +204,7 @@ def _joint(a: float, b: float, correlation: float) -> float:
     return math.sqrt(max(a * a + b * b + 2.0 * correlation * a * b, 0.0))
 
 
-def _association(
-    v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: float, p_nc: float, n: int
-) -> float:
+def _association(v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: float, p_nc: float, n: int) -> float:
     """Asymptotic correlation of the estimates of v_u and p_nc, from their influence functions.
 
     A switch moves v_u by (level - 1{V <= v_u}) / (f P(contact)) and p_nc by 1{open} - p_nc; the density f cancels.

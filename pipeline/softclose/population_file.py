@@ -64,7 +64,7 @@ def _read(source: str | Path, seen: tuple[str, ...]) -> Population:
             name = data["base"]
             if not isinstance(name, str):
                 raise PopulationError(f"base is {name!r}; it must be the name of a population or a file's path")
-            base = _read(name if name in SHIPPED or folder is None else folder / name, (*seen, label))
+            base = _read(folder / name if folder is not None and name.endswith(".toml") else name, (*seen, label))
         return _build(data, base)
     except PopulationError as e:
         raise PopulationError(f"{label}: {e}") from e

@@ -106,9 +106,9 @@ def test_the_order_of_the_switches_does_not_matter(order: list[int], n_open: int
     v = np.linspace(0.1, 0.3, 12)
     closed = np.arange(12) >= n_open
     a, b = assess(Made(v, closed)), assess(Made(v[order], closed[order]))
-    assert a.to_dict() == pytest.approx(b.to_dict(), rel=1e-12) or a.g_cm_s == b.g_cm_s
     assert (a.g_cm_s, a.v_u_cm_s, a.p_nc) == (b.g_cm_s, b.v_u_cm_s, b.p_nc)
     assert a.g_se_cm_s == pytest.approx(b.g_se_cm_s)
+    assert a.g_interval == pytest.approx(b.g_interval)
 
 
 def _lot(rng: np.random.Generator, n: int) -> Made:
@@ -124,9 +124,9 @@ def test_intervals_and_standard_error_of_g_hold_in_simulation(form: dict[str, ob
     truth = assess(_lot(rng, 2_000_000), **form)  # type: ignore[arg-type]
     lots = [assess(_lot(rng, 400), **form) for _ in range(1000)]  # type: ignore[arg-type]
     g = np.array([a.g_cm_s for a in lots])
-    assert 0.93 < np.mean([a.g_interval[0] <= truth.g_cm_s <= a.g_interval[1] for a in lots])
-    assert 0.93 < np.mean([a.v_u_interval[0] <= truth.v_u_cm_s <= a.v_u_interval[1] for a in lots])
-    assert 0.93 < np.mean([a.mean_interval[0] <= truth.mean_cm_s <= a.mean_interval[1] for a in lots])
+    assert np.mean([a.g_interval[0] <= truth.g_cm_s <= a.g_interval[1] for a in lots]) > 0.93
+    assert np.mean([a.v_u_interval[0] <= truth.v_u_cm_s <= a.v_u_interval[1] for a in lots]) > 0.93
+    assert np.mean([a.mean_interval[0] <= truth.mean_cm_s <= a.mean_interval[1] for a in lots]) > 0.93
     assert np.mean([a.g_se_cm_s for a in lots]) == pytest.approx(g.std(), rel=0.1)
 
 

@@ -80,7 +80,7 @@ def test_what_is_written_reads_back_equal(name: str, tmp_path: Path) -> None:
         ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 0.1\n', "targets.mean_M_ug"),
         ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 1.1\n', "half_width is 1.1"),
         ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 0.1\nlower = 2\n', "not both"),
-        ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 0.1\n[targets]\nmean_M_ug = 99\n', "Eq. 6 gives"),
+        ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 0\n[targets]\nmean_M_ug = 99\n', "Eq. 6 gives"),
         ('base = "current"\n[T]\ndistribution = "uniform"\nlower = 3\nupper = 7\n', "Eq. 4 has no stiffness"),
         ('base = "current"\n[targets]\nmean_M_ug = 3.0\n', "leaves no nominal"),
         ('base = "current"\n[transform.K]\nshift_mean = 1\n', "unknown key 'K'"),
