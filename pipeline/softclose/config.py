@@ -12,10 +12,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
 from softclose.population import Population, load_population
+from softclose.propose.protocol import check_engine_name
 from softclose.waveform import MIN_RISE_US, Waveform
 
 SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
@@ -82,19 +83,17 @@ class WaveformSection:
     initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
     """The user's own waveforms, evaluated first: each a list of [start, rise, peak, volts]; a peak of "hold" holds."""
 
-    @model_validator(mode="before")
+    @field_validator("initial", mode="before")
     @classmethod
-    def _read_holds(cls, data: Any) -> Any:
+    def _read_holds(cls, value: Any) -> Any:
         """TOML has no null: a peak of "hold" (or inf) becomes None."""
-        values = data.kwargs if hasattr(data, "kwargs") else data
-        if isinstance(values, Mapping) and isinstance(values.get("initial"), list | tuple):
-            held = [
-                [[_peak(v) if j == 2 else v for j, v in enumerate(row)] if isinstance(row, list | tuple) else row
-                 for row in rows] if isinstance(rows, list | tuple) else rows
-                for rows in values["initial"]
-            ]
-            return {**values, "initial": held}
-        return values
+        if not isinstance(value, list | tuple):
+            return value
+        return [
+            [[_peak(v) if j == 2 else v for j, v in enumerate(row)] if isinstance(row, list | tuple) else row
+             for row in rows] if isinstance(rows, list | tuple) else rows
+            for rows in value
+        ]
 
     def initial_waveforms(self) -> tuple[Waveform, ...]:
         """`initial` as waveforms; raises WaveformError where one is malformed."""
@@ -195,8 +194,14 @@ class StoreSection:
     """Sync every commit to the disk, against loss of power."""
 
 
-MAX_CHUNKS = 64
+MAX_CHUNKS = 256
+"""Chunks of one candidate at most: the number of files stays bounded, whatever the ensemble."""
+
+AUTO_CHUNKS = 64
+"""Chunks of one candidate at most where compute.chunk_switches is 0."""
+
 MIN_CHUNK_SWITCHES = 1000
+"""Switches per chunk at least where compute.chunk_switches is 0: a task should outweigh Dask's millisecond."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -219,6 +224,7 @@ class CampaignConfig:
     def _check(self) -> Self:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
+        check_engine_name(self.optimiser.engine)
         for number, rows in enumerate(self.waveform.initial):
             try:
                 waveform = Waveform.from_rows(rows)
@@ -255,7 +261,7 @@ class CampaignConfig:
         """Switches per chunk; `compute.chunk_switches` or the automatic choice."""
         if self.compute.chunk_switches:
             return min(self.compute.chunk_switches, self.n_switches_max)
-        return min(self.n_switches_max, max(MIN_CHUNK_SWITCHES, math.ceil(self.n_switches_max / MAX_CHUNKS)))
+        return min(self.n_switches_max, max(MIN_CHUNK_SWITCHES, math.ceil(self.n_switches_max / AUTO_CHUNKS)))
 
     def build_population(self) -> Population:
         """The population, from its stored description."""

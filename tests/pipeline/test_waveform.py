@@ -1,0 +1,101 @@
+"""Claims about pulses and waveforms (Eqs. 12-13)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from softclose import Pulse, Waveform
+from softclose.waveform import WaveformError
+
+pulses = st.builds(
+    Pulse,
+    start_us=st.floats(0.0, 100.0),
+    rise_us=st.floats(4.0, 40.0),
+    peak_us=st.one_of(st.floats(0.0, 60.0), st.just(math.inf)),
+    volts=st.floats(0.0, 150.0),
+)
+
+
+def eq_13(t: float, p: Pulse) -> float:
+    """Eq. 13 as printed, one instant at a time."""
+    ts, tr, tp = p.start_us, p.rise_us, p.peak_us
+    if ts <= t < ts + tr:
+        return 0.5 - 0.5 * math.cos(math.pi * (t - ts) / tr)
+    if ts + tr <= t < ts + tr + tp:
+        return 1.0
+    if ts + tr + tp <= t < ts + 2 * tr + tp:
+        return 0.5 - 0.5 * math.cos(math.pi * (t - ts - tp) / tr)
+    return 0.0
+
+
+@given(st.lists(pulses, min_size=1, max_size=3), st.floats(0.0, 250.0))
+def test_voltage_is_the_printed_sum(parts: list[Pulse], t: float) -> None:
+    expected = sum(p.volts * eq_13(t, p) for p in parts)
+    # An instant within rounding of a knot may fall on either side; u is continuous there.
+    assert Waveform(parts).voltage(t) == pytest.approx(expected, abs=1e-9)
+
+
+@given(st.lists(pulses, min_size=1, max_size=3))
+def test_max_voltage_bounds_a_fine_sampling_and_is_attained(parts: list[Pulse]) -> None:
+    w = Waveform(parts)
+    sampled = w.voltage(np.linspace(0.0, 250.0, 50_001)).max()
+    assert w.max_voltage(250.0) >= sampled - 1e-9
+    assert w.max_voltage(250.0) <= sampled + 0.01
+
+
+def test_overlapping_ramps_are_searched_between_the_breakpoints() -> None:
+    """Two equal ramps, one falling while the other rises: the sum peaks inside the overlap where they are offset."""
+    w = Waveform([Pulse(0, 10, 5, 100), Pulse(12, 10, math.inf, 100)])
+    inside = w.voltage(np.linspace(12.0, 25.0, 100_001)).max()
+    assert w.max_voltage() == pytest.approx(inside, rel=1e-8)
+    assert inside > 100.5
+    with pytest.raises(WaveformError, match="may not exceed 100 V"):
+        w.check(max_volts=100.0)
+
+
+def test_voltage_keeps_the_shape_of_its_argument() -> None:
+    w = Waveform([Pulse(0, 4, math.inf, 100)])
+    assert w.voltage(2.0).shape == ()
+    assert w.voltage(np.zeros((3, 2))).shape == (3, 2)
+    assert w.voltage([2.0])[0] == pytest.approx(50.0)
+
+
+def test_an_ideal_step_is_on_from_its_start() -> None:
+    w = Waveform([Pulse(0, 0, math.inf, 100)])
+    assert w.voltage([0.0, 1e-9, 300.0]).tolist() == [100.0, 100.0, 100.0]
+
+
+@given(st.lists(pulses, min_size=1, max_size=3))
+def test_rows_round_trip(parts: list[Pulse]) -> None:
+    assert Waveform.from_rows(Waveform(parts).rows()) == Waveform(parts)
+
+
+def test_absent_pulses_are_skipped_and_none_holds() -> None:
+    w = Waveform.from_rows([[0, 4, None, 80], [math.nan] * 4])
+    assert w.pulses == (Pulse(0, 4, math.inf, 80),)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0, 2.5, 10, 100), "rises in 2.5 µs; rise times below 4 µs"),
+        ((-1, 4, 10, 100), "start_us is -1"),
+        ((0, 4, 10, -5), "volts is -5"),
+        ((0, 4, math.nan, 5), "peak_us is nan"),
+        ((math.inf, 4, 1, 5), "only peak_us may be infinite"),
+        (("soon", 4, 1, 5), "must be a number"),
+    ],
+)
+def test_a_malformed_pulse_is_refused_by_name(arguments: tuple[float, ...], message: str) -> None:
+    with pytest.raises(WaveformError, match=message):
+        Pulse(*arguments)
+
+
+def test_an_empty_waveform_is_refused() -> None:
+    with pytest.raises(WaveformError, match="at least one pulse"):
+        Waveform([])
