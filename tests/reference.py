@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+
 from softclose.waveform import Waveform
 
 EPS0_F_PER_M = 8.8541878128e-12

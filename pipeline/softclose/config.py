@@ -90,8 +90,12 @@ class WaveformSection:
         if not isinstance(value, list | tuple):
             return value
         return [
-            [[_peak(v) if j == 2 else v for j, v in enumerate(row)] if isinstance(row, list | tuple) else row
-             for row in rows] if isinstance(rows, list | tuple) else rows
+            [
+                [_peak(v) if j == 2 else v for j, v in enumerate(row)] if isinstance(row, list | tuple) else row
+                for row in rows
+            ]
+            if isinstance(rows, list | tuple)
+            else rows
             for rows in value
         ]
 

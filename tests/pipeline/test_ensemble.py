@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+
 from softclose import Pulse, Waveform, simulate
 from softclose.ensemble import SimulationError, Status
 from softclose.waveform import WaveformError

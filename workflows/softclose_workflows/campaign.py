@@ -65,7 +65,7 @@ class Campaign:
         self._executor = executor
         self._stop = stop if stop is not None else StopRequest()
         self._listener = listener
-        self._problem = Problem(self.config, self.config.build_population())
+        self._problem = Problem(self.config)
         self._engines: dict[str, Engine] = {}
         self._history: list[Observation] = records.observations(store.records())
         self._flights: dict[int, Flight] = {}

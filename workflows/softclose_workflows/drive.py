@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from softclose.config import CampaignConfig
+from softclose.spaces import SPACES
 from softclose_store import DriverStore, Layout, create_campaign, store_state
 from softclose_workflows.campaign import Campaign
 from softclose_workflows.executors import open_executor
@@ -48,9 +49,8 @@ def create_store(config: CampaignConfig, path: str) -> None:
 
 
 def _layout(config: CampaignConfig) -> Layout:
-    from softclose.spaces import n_pulses
-
-    longest = max([n_pulses(config.waveform.space), *(len(rows) for rows in config.waveform.initial)])
+    n_pulses, _ = SPACES[config.waveform.space]
+    longest = max([n_pulses, *(len(rows) for rows in config.waveform.initial)])
     return Layout(
         n_candidates=config.total_budget,
         n_switches=config.n_switches_max,

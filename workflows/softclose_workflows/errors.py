@@ -13,9 +13,9 @@ class ExecutorError(ValueError):
     """An executor that cannot be started as asked: an unreachable scheduler, an impossible number of workers."""
 
 
-class Stopped(RuntimeError):  # noqa: N818 - an outcome, not a fault
+class Stopped(RuntimeError):
     """The campaign stopped before its end; what is committed is whole, and `resume` continues from there."""
 
 
-class ChunkFailure(RuntimeError):  # noqa: N818
+class ChunkFailure(RuntimeError):
     """One chunk could not be computed, however often it was tried: its candidate is recorded as failed."""

@@ -18,4 +18,4 @@ class WorkerSetup(WorkerPlugin):  # type: ignore[misc]
             # The terminal sends Ctrl-C to the whole group; the driver decides what is finished first.
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         import softclose.ensemble
-        import softclose_store  # noqa: F401
+        import softclose_store

@@ -144,6 +144,14 @@ def engine_names() -> tuple[str, ...]:
     return shipped + tuple(sorted(e.name for e in entry_points(group="softclose.engines")))
 
 
+def check_engine_name(name: str) -> None:
+    """Raise EngineError, naming the nearest known engine, where there is none of that name. Imports no engine."""
+    if name not in engine_names():
+        near = difflib.get_close_matches(name, engine_names(), n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else "."
+        raise EngineError(f"no engine named {name!r}{hint} Known: {', '.join(engine_names())} (optimiser.engine)")
+
+
 def load_engine(name: str) -> Engine:
     """The engine of that name; imports only that engine. Raises EngineError naming the nearest known one."""
     if name in _ENGINES:
@@ -153,9 +161,8 @@ def load_engine(name: str) -> Engine:
         if entry.name == name:
             loaded = entry.load()
             return cast(Engine, loaded() if isinstance(loaded, type) else loaded)
-    near = difflib.get_close_matches(name, engine_names(), n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise EngineError(f"no engine named {name!r}{hint} Known: {', '.join(engine_names())} (optimiser.engine)")
+    check_engine_name(name)
+    raise EngineError(f"engine {name!r} is known, but its entry point is gone (optimiser.engine)")
 
 
 def search_history(problem: Problem, history: Sequence[Observation]) -> list[Observation]:

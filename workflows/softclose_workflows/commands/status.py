@@ -7,7 +7,9 @@ import json
 import click
 
 
-@click.command(epilog="\b\nExamples:\n  softclose status runs/a.zarr\n  softclose status runs/a.zarr --json | jq .best.g_cm_s")
+@click.command(
+    epilog="\b\nExamples:\n  softclose status runs/a.zarr\n  softclose status runs/a.zarr --json | jq .best.g_cm_s"
+)
 @click.argument("store", metavar="STORE")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def status(store: str, as_json: bool) -> None:
