@@ -90,7 +90,7 @@ def drive(
     path: str, *, workers: int | None, scheduler: str | None, serial: bool, break_lock: bool, quiet: bool
 ) -> None:
     """Run the campaign in the store to its end and print the result."""
-    from softclose_workflows.tables import print_result
+    from softclose_workflows.result import print_result
 
     with stop_on_signals() as stop, DriverStore(path, break_lock=break_lock) as store:
         if store.n_committed < CampaignConfig.from_dict(store.config).total_budget:

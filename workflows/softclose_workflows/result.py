@@ -1,0 +1,52 @@
+"""Owns the table at the end of a run: the best waveform beside reference designs on the same switches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from softclose.baselines import unshaped
+from softclose.config import CampaignConfig
+from softclose.ensemble import simulate
+from softclose.objective import assess
+from softclose.waveform import Waveform
+from softclose_store import open_campaign
+from softclose_workflows.records import assessment_record, objective_settings
+from softclose_workflows.standing import waveform_to_json
+from softclose_workflows.tables import print_designs
+
+
+def evaluate(config: CampaignConfig, switches: Any, waveform: Waveform) -> dict[str, Any]:
+    """Assess one waveform on switches (n, 4) as the campaign would: the same model, tolerance and objective."""
+    response = simulate(
+        switches, waveform, horizon_us=config.model.horizon_us, restitution=config.model.restitution,
+        plate_area_um2=config.model.plate_area_um2, rtol=config.compute.rtol, method=config.compute.method,
+        max_volts=max(config.waveform.max_volts, waveform.max_voltage(config.model.horizon_us)),
+    )  # fmt: skip
+    return assessment_record(assess(response, **objective_settings(config)))
+
+
+def print_result(path: str) -> None:
+    """The best candidate of the store against the unshaped step, each number with its interval."""
+    campaign = open_campaign(path)
+    config = CampaignConfig.from_dict(campaign.config)
+    best = campaign.best()
+    if best is None:
+        print("no candidate could be assessed")
+        return
+    switches = campaign.switches()[: best.n_switches]
+    step = unshaped()
+    record = {name: values[best.candidate] for name, values in campaign.records().items()}
+    interval = f"{config.objective.confidence:.0%}"
+    kind = (
+        f"{interval} intervals in brackets" if config.population.sampling == "monte-carlo"
+        else "quasi-random sample: the bracketed intervals do not hold"
+    )  # fmt: skip
+    print_designs(
+        f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
+        [
+            ("unshaped step", waveform_to_json(step.rows()), evaluate(config, switches, step)),
+            (f"best (candidate {best.candidate})", waveform_to_json(best.waveform), record),
+        ],
+        f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",
+    )
+    print(f"store: {path}")
