@@ -50,7 +50,7 @@ lint: env-lint  ## style, types and the direction of imports
 	$(BIN)/lint-imports
 
 torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
-	$(BIN)/python -m tests.torture --rounds 200
+	PYTHONPATH=tests $(BIN)/python -m torture --rounds 200
 
 clean:  ## remove the environment and the caches; stores stay
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

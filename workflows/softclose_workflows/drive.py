@@ -15,7 +15,8 @@ import click
 
 from softclose.config import CampaignConfig
 from softclose.spaces import SPACES
-from softclose_store import DriverStore, Layout, create_campaign, store_state
+from softclose.waveform import FloatArray
+from softclose_store import DriverStore, Layout, StoreError, create_campaign
 from softclose_workflows.campaign import Campaign
 from softclose_workflows.executors import open_executor
 from softclose_workflows.progress import show_progress
@@ -35,10 +36,19 @@ def create_store(config: CampaignConfig, path: str) -> None:
     seed, sampling = config.campaign.seed, config.population.sampling
     parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
     switches = population.sample(n, seed=seed, sampling=sampling)
+    try:
+        _create(config, path, parameters, switches)
+    except OSError as e:
+        raise StoreError(f"no store can be created at {path}: {e.strerror or e}; give a path that can be written") from e
+
+
+def _create(config: CampaignConfig, path: str, parameters: FloatArray, switches: FloatArray) -> None:
     create_campaign(
         path,
         layout=_layout(config),
         config=config.to_dict(),
+        fingerprint=config.fingerprint(),
+        durable=config.store.durable,
         population={
             "D": parameters[:, 0], "G": parameters[:, 1], "E": parameters[:, 2], "T": parameters[:, 3],
             "K": switches[:, 2], "M": switches[:, 3],
