@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+
 from softclose import Population, load_population
 from softclose.bounded import Bounded, PopulationError
 from softclose.plate import frequency, holding_voltage, modulus, stiffness_from_pull_in

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from softclose import Population, load_population
 from softclose.bounded import Bounded, PopulationError
 from softclose.population_file import write_population

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softclose_store import DriverStore, Layout, create_campaign, write_chunk
 
 CONFIG: dict[str, Any] = {"campaign": {"seed": 7, "budget": 4}, "model": {"horizon_us": 250.0}}

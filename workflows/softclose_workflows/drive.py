@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from softclose import __version__
 from softclose.config import CampaignConfig
 from softclose.spaces import SPACES
 from softclose.waveform import FloatArray
@@ -23,7 +24,7 @@ from softclose_workflows.progress import show_progress
 from softclose_workflows.stopping import stop_on_signals
 from softclose_workflows.tasks import times_us
 
-RECORDED_VERSIONS = ("dask", "numba", "numpy", "scikit-learn", "scikit-optimize", "scipy", "softclose", "zarr")
+RECORDED_VERSIONS = ("dask", "numba", "numpy", "scikit-learn", "scikit-optimize", "scipy", "zarr")
 
 
 def create_store(config: CampaignConfig, path: str) -> None:
@@ -39,7 +40,9 @@ def create_store(config: CampaignConfig, path: str) -> None:
     try:
         _create(config, path, parameters, switches)
     except OSError as e:
-        raise StoreError(f"no store can be created at {path}: {e.strerror or e}; give a path that can be written") from e
+        raise StoreError(
+            f"no store can be created at {path}: {e.strerror or e}; give a path that can be written"
+        ) from e
 
 
 def _create(config: CampaignConfig, path: str, parameters: FloatArray, switches: FloatArray) -> None:
@@ -75,7 +78,8 @@ def _layout(config: CampaignConfig) -> Layout:
 def runtime() -> dict[str, Any]:
     """Who runs this, on what and with which versions. Not part of a campaign's identity."""
     return {
-        "versions": {name: version(name) for name in RECORDED_VERSIONS} | {"python": platform.python_version()},
+        "versions": {name: version(name) for name in RECORDED_VERSIONS}
+        | {"python": platform.python_version(), "softclose": __version__},
         "processor": _processor(),
         "machine": platform.machine(),
         "system": platform.platform(),

@@ -91,10 +91,7 @@ def assessment_record(a: Assessment) -> dict[str, Any]:
         "p_above_v_u": a.p_above_v_u,
         "p_above_v_u_half_width": a.p_above_v_u_half_width,
         "feasible": a.feasible,
-        "intervals_valid": a.intervals_valid,
-        "n_contact": a.n_contact,
-        "n_closed": a.n_closed,
-        "n_failed": a.n_failed,
+        "n_failed_switches": a.n_failed,
         "p_exceed": np.array([e.probability.estimate for e in a.p_exceed]),
     }
     for name, interval in (("g", a.g_interval), ("v_u", a.v_u_interval), ("mean", a.mean_interval)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from softclose.baselines import unshaped
+
 from softclose.config import CampaignConfig
 from softclose.ensemble import simulate
 from softclose.objective import assess

@@ -17,5 +17,3 @@ class WorkerSetup(WorkerPlugin):  # type: ignore[misc]
         if threading.current_thread() is threading.main_thread():
             # The terminal sends Ctrl-C to the whole group; the driver decides what is finished first.
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        import softclose.ensemble
-        import softclose_store
