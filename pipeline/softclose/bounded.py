@@ -57,6 +57,10 @@ class Bounded:
         alpha = shape_sum * (mean - lower) / (upper - lower)
         return cls(lower=lower, upper=upper, alpha=alpha, beta=shape_sum - alpha)
 
+    def to_dict(self) -> dict[str, float]:
+        """Keyword arguments that make an equal distribution."""
+        return {"lower": self.lower, "upper": self.upper, "alpha": self.alpha, "beta": self.beta}
+
     @property
     def mean(self) -> float:
         """Expectation."""

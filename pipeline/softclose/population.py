@@ -132,8 +132,7 @@ class Population:
         """Plain numbers and strings that `from_dict` turns back into an equal population; a campaign stores this."""
         out: dict[str, Any] = {"name": self.name, "description": self.description}
         for v in VARIABLES:
-            b: Bounded = getattr(self, v)
-            out[v] = {"lower": b.lower, "upper": b.upper, "alpha": b.alpha, "beta": b.beta}
+            out[v] = getattr(self, v).to_dict()
         return out
 
     @classmethod
