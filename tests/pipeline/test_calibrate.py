@@ -1,0 +1,160 @@
+"""Calibration: a known population is recovered, its file is one that runs accept, bad files say what is wrong."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from softclose import load_population
+from softclose.bounded import Bounded
+from softclose.calibrate import Calibration, calibrate, device_parameters, write_calibration
+from softclose.fit import cramer_von_mises, fit
+from softclose.measurements import MeasurementError, read_measurements, write_synthetic
+from softclose.population import VARIABLES
+
+EXAMPLE = Path(str(resources.files("softclose") / "populations" / "example_measurements.csv"))
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    return calibrate(read_measurements(EXAMPLE), n_bootstrap=200, confidence=0.99, seed=1)
+
+
+def test_the_shipped_example_is_60_devices_of_the_current_design(tmp_path: Path) -> None:
+    write_synthetic(load_population("current"), tmp_path / "again.csv", n=60, seed=2008)
+    assert (tmp_path / "again.csv").read_text("utf-8") == EXAMPLE.read_text("utf-8")
+
+
+def test_the_modulus_of_each_device_is_recovered_from_its_pull_in_voltage() -> None:
+    truth = load_population("current").sample_parameters(60, seed=2008)
+    np.testing.assert_allclose(device_parameters(read_measurements(EXAMPLE)), truth, rtol=2e-5)
+
+
+def test_the_known_population_lies_within_the_bootstrap_intervals(calibration: Calibration) -> None:
+    truth = load_population("current")
+    for v in VARIABLES:
+        b: Bounded = getattr(truth, v)
+        for name in ("lower", "upper", "alpha", "beta", "mean", "sd"):
+            low, high = calibration.fits[v].numbers[name].interval
+            assert low <= getattr(b, name) <= high, (v, name)
+        assert calibration.fits[v].p_value > 0.05
+    assert calibration.notes == ()
+
+
+def test_the_written_population_is_one_that_runs_accept(calibration: Calibration, tmp_path: Path) -> None:
+    write_calibration(calibration, tmp_path / "lot.toml")
+    assert load_population(tmp_path / "lot.toml") == calibration.population
+    assert "Cramér-von Mises" in (tmp_path / "lot.toml").read_text("utf-8")
+    assert json.loads(json.dumps(calibration.to_dict()))["n_devices"] == 60
+
+
+def test_the_same_seed_gives_the_same_intervals() -> None:
+    m = read_measurements(EXAMPLE)
+    a, b = (calibrate(m, n_bootstrap=20, seed=4).to_dict() for _ in range(2))
+    assert a == b
+
+
+def test_fig_3_panels_are_densities(calibration: Calibration) -> None:
+    for panel in calibration.panels(2001).values():
+        assert float((panel["density"] * np.diff(panel["edges"])).sum()) == pytest.approx(1.0)
+        assert float(np.trapezoid(panel["fitted"], panel["grid"])) == pytest.approx(1.0, abs=0.01)
+
+
+def test_within_given_bounds_the_fit_is_scipys_maximum_likelihood() -> None:
+    x = Bounded(lower=2.3, upper=2.7, alpha=1.3, beta=2.7).quantile(np.random.default_rng(1).random(80))
+    ours = fit(x, "beta", bounds=(2.3, 2.7), n_bootstrap=20)
+    a, b, _, _ = stats.beta.fit(x, floc=2.3, fscale=0.4)
+    assert (ours.distribution.alpha, ours.distribution.beta) == pytest.approx((a, b), rel=1e-3)
+    assert ours.numbers["lower"].interval == pytest.approx((2.3, 2.3))
+    assert ours.numbers["alpha"].interval[0] < 1.3 < ours.numbers["alpha"].interval[1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_fitted_beta_is_likelier_than_the_true_one(seed: int) -> None:
+    truth = Bounded(lower=2.3, upper=2.7, alpha=1.3, beta=2.7)
+    x = truth.quantile(np.random.default_rng(seed).random(60))
+    fitted = fit(x, "beta", n_bootstrap=20).distribution
+    assert fitted.lower < x.min() < x.max() < fitted.upper
+    assert np.log(fitted.density(x)).sum() >= np.log(truth.density(x)).sum()
+
+
+def test_goodness_of_fit_is_scipys_statistic_and_rejects_another_family() -> None:
+    rng = np.random.default_rng(2)
+    two_lots = np.concatenate([rng.normal(2.4, 0.01, 40), rng.normal(2.6, 0.01, 40)])
+    rejected = fit(two_lots, "uniform", n_bootstrap=200)
+    b = rejected.distribution
+    theirs = stats.cramervonmises(two_lots, stats.uniform(b.lower, b.upper - b.lower).cdf)
+    assert cramer_von_mises(np.sort(two_lots), b) == pytest.approx(theirs.statistic)
+    assert rejected.p_value < 0.01
+
+
+def _file(tmp_path: Path, lines: list[str], header: str = "device,G_um,D_um,T_um,pull_in_V") -> Path:
+    path = tmp_path / "m.csv"
+    path.write_text("\n".join([header, *lines]) + "\n", "utf-8")
+    return path
+
+
+_ROW = "a,3.7,2.4,7.0,80"
+
+
+def test_extra_columns_blank_lines_and_a_missing_device_name_are_tolerated(tmp_path: Path) -> None:
+    lines = [f"x,{80 + i},7.0,,2.4,3.7" for i in range(9)]
+    m = read_measurements(_file(tmp_path, [*lines, "", ",,"], "wafer,pull_in_V, T_um ,note,D_um,G_um"))
+    assert m.device[0] == "line 2"
+    assert m.pull_in_V.tolist() == [80.0 + i for i in range(9)]
+
+
+@pytest.mark.parametrize(
+    ("header", "lines", "words"),
+    [
+        ("device,gap_um,D_um,T_um,pull_in_V", [_ROW] * 9, "no column 'G_um'; is 'gap_um' meant"),
+        ("device,G_um,D_um,T_um", [_ROW] * 9, "no column 'pull_in_V'"),
+        ("G_um,G_um,D_um,T_um,pull_in_V", [_ROW] * 9, "2 columns 'G_um'"),
+        (None, [_ROW] * 7, "has 7 devices; at least 8"),
+        (None, [_ROW, "b,3.7e-06,2.4,7,80"], "line 3: G_um is 3.7e-06; expected 0.5–20 µm: are these metres"),
+        (None, ["b,3700,2.4,7,80"], "are these nanometres"),
+        (None, ["b,3.7,2.4,7,0.08"], "pull_in_V is 0.08; expected 1–1000 V: are these kV"),
+        (None, ["b,3.7,2.4,7,5e6"], r"pull_in_V is 5e\+06; expected 1–1000 V$"),
+        (None, ["b,3.7,2.4,seven,80"], "T_um is 'seven'; it must be a number"),
+        (None, ["b,3.7,2.4,7"], "pull_in_V is ''"),
+        (None, ["b,nan,2.4,7,80"], "G_um is 'nan'"),
+        (None, ["b,2.4,2.4,7,80"], "the travel must be less than the gap"),
+        (None, ["b,3.7,2.4,3.0,80"], r"at or below 3\.1458"),
+    ],
+)
+def test_bad_files_are_refused_with_line_column_and_guess(
+    header: str | None, lines: list[str], words: str, tmp_path: Path
+) -> None:
+    path = _file(tmp_path, lines, *([header] if header else []))
+    with pytest.raises(MeasurementError, match=words):
+        read_measurements(path)
+
+
+def test_bad_settings_and_senseless_measurements_are_refused(tmp_path: Path) -> None:
+    m = read_measurements(EXAMPLE)
+    with pytest.raises(MeasurementError, match="cannot be read"):
+        read_measurements(tmp_path / "none.csv")
+    with pytest.raises(MeasurementError, match="known variables: D, G, E, T"):
+        calibrate(m, bounds={"K": (1.0, 2.0)})
+    with pytest.raises(MeasurementError, match=r"bounds of D are 2\.4 to 2\.5"):
+        calibrate(m, bounds={"D": (2.4, 2.5)})
+    with pytest.raises(MeasurementError, match="n_bootstrap is 3"):
+        calibrate(m, n_bootstrap=3)
+    with pytest.raises(MeasurementError, match=r"a modulus of .* GPa; expected"):
+        calibrate(m, plate_area_um2=10.0)
+    same = read_measurements(_file(tmp_path, [_ROW] * 9))
+    with pytest.raises(MeasurementError, match="D is the same for all devices"):
+        calibrate(same)
+
+
+def test_poor_fits_correlation_and_odd_thickness_are_noted(tmp_path: Path) -> None:
+    rows = [f"d{i},{3.7 + 0.001 * i},{2.3 if i < 20 else 2.6 + 0.001 * i},{9.0 + 0.01 * i},150" for i in range(40)]
+    notes = " ".join(calibrate(read_measurements(_file(tmp_path, rows)), n_bootstrap=40).notes)
+    assert "39 devices are thinner or thicker" in notes
+    assert "correlated" in notes
+    assert "D is poorly described" in notes
