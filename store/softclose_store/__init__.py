@@ -19,6 +19,8 @@ from softclose_store.groups import GroupArray, ResultGroup, list_groups, read_gr
 from softclose_store.layout import SCHEMA_VERSION, Layout
 from softclose_store.lock import lock_holder
 from softclose_store.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
+from softclose_store.repair import Recompute, RepairReport, remove_orphans, repair
+from softclose_store.verify import Problem, Report, verify
 
 __all__ = [
     "SCHEMA_VERSION",
@@ -31,7 +33,11 @@ __all__ = [
     "LayoutError",
     "LockedError",
     "OtherConfigurationError",
+    "Problem",
+    "Recompute",
     "RecordError",
+    "RepairReport",
+    "Report",
     "ResultGroup",
     "SchemaError",
     "StoreError",
@@ -48,7 +54,10 @@ __all__ = [
     "open_campaign",
     "read_group",
     "read_switches",
+    "remove_orphans",
+    "repair",
     "store_state",
+    "verify",
     "write_chunk",
     "write_group",
 ]

@@ -12,6 +12,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 from zarr.abc.store import Store
+from zarr.storage import StorePath as ZarrPath
 
 from softclose_store import digests, faults
 from softclose_store.errors import LayoutError
@@ -38,28 +39,24 @@ class ChunkWriter:
 
     def write(
         self, i_candidate: int, i_chunk: int, arrays: Mapping[str, NDArray[Any]], proposal_digest: int
-    ) -> dict[str, int]:
-        """Write one chunk, then its marker. Returns the digests, by array."""
+    ) -> NDArray[np.uint64]:
+        """Write one chunk, then its marker, which is returned."""
         layout = self.layout
         if not 0 <= i_candidate < layout.n_candidates or not 0 <= i_chunk < layout.n_chunks:
             raise LayoutError(
                 f"candidate {i_candidate}, chunk {i_chunk} is outside the store's {layout.n_candidates} candidates of "
                 f"{layout.n_chunks} chunks"
             )
-        rows = _check_rows(layout, i_chunk, arrays)
-        found = {
-            name: digests.chunk_digest(name, i_candidate, i_chunk, proposal_digest, values)
-            for name, values in rows.items()
-        }
-        marker = np.array([proposal_digest, *(found[name] for name in layout.marker_names[1:])], dtype=np.uint64)
+        rows = check_rows(layout, i_chunk, arrays)
+        marker = marker_of(rows, i_candidate, i_chunk, proposal_digest)
         run_here(self._write(i_candidate, i_chunk, rows, marker), self.files)
-        return found
+        return marker
 
     async def _write(self, i: int, i_chunk: int, rows: Mapping[str, NDArray[Any]], marker: NDArray[np.uint64]) -> None:
         extent = self.layout.rows(i_chunk, self.layout.n_switches)
         for spec in self.layout.switch_arrays:
             values = rows[spec.name]
-            if len(values) < extent.stop - extent.start:  # a candidate that uses part of the ensemble: a whole shard still
+            if len(values) < extent.stop - extent.start:  # the candidate uses part of the ensemble: a whole shard still
                 whole = spec.empty((extent.stop - extent.start, *values.shape[1:]))
                 whole[: len(values)] = values
                 values = whole
@@ -72,8 +69,16 @@ class ChunkWriter:
         faults.point("after-marker")
 
 
-def _check_rows(layout: Layout, i_chunk: int, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The arrays as the schema has them: C-contiguous, of its types; raises LayoutError."""
+def marker_of(
+    rows: Mapping[str, NDArray[Any]], i_candidate: int, i_chunk: int, proposal_digest: int
+) -> NDArray[np.uint64]:
+    """The marker of a chunk: its proposal's digest, then one digest per array, in the layout's order."""
+    found = [digests.chunk_digest(name, i_candidate, i_chunk, proposal_digest, rows[name]) for name in rows]
+    return np.array([proposal_digest, *found], dtype=np.uint64)
+
+
+def check_rows(layout: Layout, i_chunk: int, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The arrays as the schema has them: in its order, C-contiguous, of its types; raises LayoutError."""
     specs = {spec.name: spec for spec in layout.switch_arrays}
     missing, unknown = sorted(set(specs) - set(arrays)), sorted(set(arrays) - set(specs))
     if missing or unknown:
@@ -104,15 +109,13 @@ def open_arrays(files: Store, names: tuple[str, ...]) -> dict[str, zarr.AsyncArr
     with _opening, zarr.config.set({"array.write_empty_chunks": True}):
 
         async def opened() -> dict[str, zarr.AsyncArray[Any]]:
-            return {name: await zarr.AsyncArray.open(f_path(files, name), zarr_format=3) for name in names}
+            return {name: await zarr.AsyncArray.open(zarr_path(files, name), zarr_format=3) for name in names}
 
         return run_here(opened(), files)
 
 
-def f_path(files: Store, name: str) -> Any:
+def zarr_path(files: Store, name: str) -> ZarrPath:
     """The place of an array in a store."""
-    from zarr.storage import StorePath as ZarrPath
-
     return ZarrPath(files, name)
 
 
@@ -133,6 +136,11 @@ def open_writer(path: StorePath) -> ChunkWriter:
     writer = ChunkWriter(files, layout, open_arrays(files, names), _identity(files, where))
     _writers[where] = writer
     return writer
+
+
+def forget_writer(path: StorePath) -> None:
+    """Open the store afresh at the next chunk: after a repair of its metadata."""
+    _writers.pop(normalised(path), None)
 
 
 def _identity(files: Store, where: str) -> tuple[Any, ...]:
@@ -157,7 +165,7 @@ def read_array(files: Store, name: str, selection: Any = Ellipsis) -> NDArray[An
     """Read part of an array at full capacity, committed or not."""
 
     async def read() -> Any:
-        array = await zarr.AsyncArray.open(f_path(files, name), zarr_format=3)
+        array = await zarr.AsyncArray.open(zarr_path(files, name), zarr_format=3)
         return await array.getitem(selection)
 
     return np.asarray(run_here(read(), files))
@@ -165,8 +173,8 @@ def read_array(files: Store, name: str, selection: Any = Ellipsis) -> NDArray[An
 
 def write_chunk(
     path: StorePath, i_candidate: int, i_chunk: int, arrays: Mapping[str, NDArray[Any]], proposal_digest: int
-) -> dict[str, int]:
-    """Store one chunk: every per-switch array of the layout, (n, …) each, then the marker. Returns the digests.
+) -> NDArray[np.uint64]:
+    """Store one chunk: every per-switch array of the layout, (n, …) each, then its marker, which is returned.
 
     Safe to run again, anywhere, any number of times: it writes whole shards that no other chunk touches.
     Raises LayoutError for arrays that do not fit, OSError where the disk is full.

@@ -40,7 +40,16 @@ from softclose_store.layout import (
     Layout,
 )
 from softclose_store.processes import process_is_alive
-from softclose_store.root import KIND, ROOT_KEY, SCHEMA_ATTRIBUTE, Root, read_root
+from softclose_store.root import (
+    BACKUP_KEY,
+    KIND,
+    ROOT_KEY,
+    RUNTIME_KEY,
+    SCHEMA_ATTRIBUTE,
+    Root,
+    read_root,
+    runtime_text,
+)
 
 STATIC_CHUNK = 65_536
 """Rows in one chunk of a population array."""
@@ -78,9 +87,9 @@ def create_campaign(
         raise StoreError(f"the fingerprint given is {fingerprint}, but the configuration's is {identity}")
     if _same_campaign_exists(path, config, identity, exist_ok=exist_ok):
         return
-    columns = _population_columns(population, layout.n_switches)
+    columns = population_columns(population, layout.n_switches)
     target = local_path(path)
-    hierarchy = _build(layout, config, identity, columns, dict(runtime or {}), durable)
+    hierarchy = build_hierarchy(layout, config, identity, columns, dict(runtime or {}), durable)
     if target is None:
         files = open_files(path, read_only=False)
         for key in sorted(hierarchy, key=lambda key: (key == ROOT_KEY, key)):
@@ -91,7 +100,8 @@ def create_campaign(
     _appear(target.absolute(), hierarchy, durable)
 
 
-def _population_columns(population: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[np.float64]]:
+def population_columns(population: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[np.float64]]:
+    """The columns of a population as they are stored; raises LayoutError."""
     if set(population) != set(POPULATION):
         raise LayoutError(f"the population has columns {sorted(population)}; it needs {sorted(POPULATION)}")
     columns = {name: np.ascontiguousarray(population[name], dtype=np.float64) for name in POPULATION}
@@ -101,7 +111,7 @@ def _population_columns(population: Mapping[str, ArrayLike], n: int) -> dict[str
     return columns
 
 
-def _build(
+def build_hierarchy(
     layout: Layout, config: Mapping[str, Any], fingerprint: str, population: Mapping[str, NDArray[np.float64]],
     runtime: Mapping[str, Any], durable: bool,
 ) -> dict[str, bytes]:  # fmt: skip
@@ -140,7 +150,8 @@ def _build(
             "metadata_digest": metadata_digest(contents),
         }
     )
-    contents[ROOT_KEY] = root.committed(0).encode()
+    contents[ROOT_KEY] = contents[BACKUP_KEY] = root.committed(0).encode()
+    contents[RUNTIME_KEY] = runtime_text(root)
     return contents
 
 
@@ -169,7 +180,7 @@ def _static_arrays(
 
 def _create_array(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
     shape = layout.shape(spec)
-    attributes = {"units": spec.unit, "long_name": spec.long_name}
+    attributes: dict[str, Any] = {"units": spec.unit, "long_name": spec.long_name}
     if spec.role == "switch":
         rest = shape[2:]
         shards = (1, layout.chunk_switches, *rest)
@@ -230,7 +241,7 @@ def _same_campaign_exists(path: StorePath, config: Mapping[str, Any], fingerprin
     if state.kind == "foreign":
         raise StoreExistsError(f"{where} exists and is no Softclose store; give a path that does not exist yet")
     if state.kind == "damaged":
-        raise DamageError(f"{where} holds a store whose root is damaged ({state.problem}); `softclose verify` says more")
+        raise DamageError(f"{where} holds a damaged store ({state.problem}); `softclose verify` says more")
     if state.fingerprint != fingerprint:
         changes = differences(state.config, config)
         raise OtherConfigurationError(
@@ -241,7 +252,8 @@ def _same_campaign_exists(path: StorePath, config: Mapping[str, Any], fingerprin
     if exist_ok:
         return True
     advice = "it is finished: read it" if state.finished else f"continue it with `softclose resume {where}`"
-    raise StoreExistsError(f"{where} holds this very campaign, {state.n_committed} of {state.budget} candidates: {advice}")
+    done = f"{state.n_committed} of {state.budget} candidates"
+    raise StoreExistsError(f"{where} holds this very campaign, {done}: {advice}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,8 @@ from softclose_store.chunk import read_array, read_layout
 from softclose_store.errors import DamageError, OtherConfigurationError, RecordError
 from softclose_store.files import StorePath, normalised, open_files
 from softclose_store.groups import append_run
-from softclose_store.integrity import chunk_problems, read_markers
-from softclose_store.layout import CANDIDATE_ARRAYS, PROPOSAL_FIELDS, RECORD_FIELDS, WALL_FIELDS, Layout
+from softclose_store.integrity import ChunkReader, markers_digest
+from softclose_store.layout import CANDIDATE_ARRAYS, PROPOSAL_FIELDS, RECORD_CHUNK, RECORD_FIELDS, WALL_FIELDS, Layout
 from softclose_store.lock import DriverLock
 from softclose_store.root import Root, read_root, write_root
 from softclose_store.table import CandidateTable, proposal_fields
@@ -41,8 +41,8 @@ class DriverStore:
         root = read_root(self._plain, self.path)
         if expected_fingerprint is not None and root.fingerprint != expected_fingerprint:
             raise OtherConfigurationError(
-                f"{self.path} holds campaign {root.fingerprint[:12]}, not {expected_fingerprint[:12]}: its configuration "
-                "is another one; give another path"
+                f"{self.path} holds campaign {root.fingerprint[:12]}, not {expected_fingerprint[:12]}: its "
+                "configuration is another one; give another path"
             )
         self._lock = DriverLock(path)
         self._lock.acquire(break_lock=break_lock)
@@ -50,6 +50,7 @@ class DriverStore:
             self._root: Root = read_root(self._plain, self.path)  # another driver may have committed meanwhile
             self.layout: Layout = read_layout(self._plain, self.path)
             self._files = open_files(path, read_only=False, durable=self.durable, blind=False)
+            self._chunks = ChunkReader(self._plain, self.layout)
             self._table = CandidateTable(self.layout, self._files)
             self._table.load(self.n_committed, tolerate_damage=tolerate_damage)
             if not tolerate_damage:
@@ -127,10 +128,8 @@ class DriverStore:
         faults.point("after-proposal")
 
     def _write_proposal(self, i: int, record: Mapping[str, Any]) -> None:
-        fields = proposal_fields(self.layout, record)
-        self._table.set_fields(i, PROPOSAL_FIELDS, fields)
+        self.restore_proposal(i, record)
         self._table.write(i, [s.name for s in PROPOSAL_FIELDS])
-        self._table.columns["proposal_digest"][i] = self._table.proposal_digest(i)
         self._table.write(i, ["proposal_digest"])
 
     def chunks_done(self, i: int, *, check: bool = True) -> tuple[bool, ...]:
@@ -140,11 +139,11 @@ class DriverStore:
         reached the disk and its data not.
         """
         digest, n = self._expected(i)
-        markers = read_markers(self._plain, self.layout, i)[: self.layout.chunks_of(n)]
+        markers = self._chunks.markers(i, self.layout.chunks_of(n))
         done = (markers[:, 0] == np.uint64(digest)) & (markers != 0).all(axis=1)
         if check:
             for i_chunk in np.flatnonzero(done):
-                done[i_chunk] = not chunk_problems(self._plain, self.layout, i, int(i_chunk), n, digest)
+                done[i_chunk] = not self._chunks.problems(i, int(i_chunk), n, digest)
         return tuple(bool(d) for d in done)
 
     def read_switch_metrics(self, i: int) -> dict[str, NDArray[Any]]:
@@ -153,7 +152,7 @@ class DriverStore:
         if not all(self.chunks_done(i, check=False)):
             raise RecordError(f"candidate {i} has chunks that are not stored yet; compute them first")
         scalars = [s for s in self.layout.switch_arrays if len(s.dims) == 2]
-        return {s.name: read_array(self._plain, s.name, (i, slice(0, n))) for s in scalars}
+        return {s.name: self._chunks.rows(s.name, i, n) for s in scalars}
 
     def _expected(self, i: int) -> tuple[int, int]:
         """(proposal digest, number of switches) of candidate i."""
@@ -189,12 +188,52 @@ class DriverStore:
         wall = {s.name: record[s.name] for s in WALL_FIELDS if s.name in record}
         wall.setdefault("wall_committed_unix_s", time.time())
         table = self._table
-        table.set_fields(i, RECORD_FIELDS, {name: value for name, value in record.items() if name not in wall})
-        table.set_fields(i, WALL_FIELDS, wall)
-        table.columns["record_digest"][i] = table.record_digest(i)
-        table.columns["wall_record_digest"][i] = table.wall_digest(i)
+        self.restore_record(i, {name: value for name, value in record.items() if name not in wall})
+        self.restore_timings(i, wall)
         table.write(i, [s.name for s in (*RECORD_FIELDS, *WALL_FIELDS)])
-        table.write(i, ["record_digest", "wall_record_digest"])
+        table.write(i, ["markers_digest", "record_digest", "wall_record_digest"])
+
+    def markers_digest(self, i: int) -> int:
+        """Digest of the markers of candidate i's chunks as they are on the disk: ties its record to its data."""
+        digest, n = self._expected(i)
+        return markers_digest(self._chunks.markers(i, self.layout.chunks_of(n)), i, digest)
+
+    def restore_proposal(self, i: int, record: Mapping[str, Any]) -> int:
+        """Set the proposal of candidate i in memory only; returns its digest. For `propose` and for repairs."""
+        self._table.set_fields(i, PROPOSAL_FIELDS, proposal_fields(self.layout, record))
+        self._table.columns["proposal_digest"][i] = digest = self._table.proposal_digest(i)
+        return digest
+
+    def restore_record(self, i: int, record: Mapping[str, Any]) -> int:
+        """Set the record of candidate i in memory only; returns its digest. For `commit` and for repairs."""
+        self._table.set_fields(i, RECORD_FIELDS, record)
+        self._table.columns["markers_digest"][i] = self.markers_digest(i)
+        self._table.columns["record_digest"][i] = digest = self._table.record_digest(i)
+        return digest
+
+    def restore_timings(self, i: int, timings: Mapping[str, Any]) -> None:
+        """Set the timings of candidate i in memory only."""
+        self._table.set_fields(i, WALL_FIELDS, timings)
+        self._table.columns["wall_record_digest"][i] = self._table.wall_digest(i)
+
+    def write_restored(self) -> None:
+        """Write all per-candidate arrays of the committed candidates: the last step of a repair."""
+        self._lock.check()
+        for i in range(0, self.n_committed, RECORD_CHUNK):
+            self._table.write(i, [s.name for s in CANDIDATE_ARRAYS])
+
+    def record_digest(self, i: int) -> int:
+        """Digest of the stored record of candidate i; 0 where there is none."""
+        return int(self._table.columns["record_digest"][i])
+
+    def markers(self, i: int) -> NDArray[np.uint64]:
+        """Markers of candidate i's chunks: (n_chunks, n_arrays + 1), the proposal's digest first; 0: not written."""
+        _, n = self._expected(i)
+        return self._chunks.markers(i, self.layout.chunks_of(n))
+
+    def markers_match(self, i: int) -> bool:
+        """True where candidate i's markers are those that its record was written for."""
+        return self.markers_digest(i) == int(self._table.columns["markers_digest"][i])
 
     def note_run(self, runtime: Mapping[str, Any]) -> None:
         """Add who runs the campaign now, and where, to the group `runtime` (not part of the campaign's identity)."""
@@ -212,7 +251,9 @@ class DriverStore:
                 table.columns["proposal_digest"][i] != table.proposal_digest(i)
                 or table.columns["record_digest"][i] != table.record_digest(i)
             ):
-                raise DamageError(f"the record of candidate {i} in {self.path} is damaged: run `softclose verify --repair`")
+                raise DamageError(
+                    f"the record of candidate {i} in {self.path} is damaged: run `softclose verify --repair`"
+                )
         row_bytes = sum(
             int(np.prod(self.layout.shape(s)[2:])) * np.dtype(s.dtype).itemsize for s in self.layout.switch_arrays
         )
@@ -225,7 +266,7 @@ class DriverStore:
                 budget -= row_bytes * self.layout.chunk_switches
                 if budget < 0:
                     return
-                problems = chunk_problems(self._plain, self.layout, i, i_chunk, n_switches, digest)
+                problems = self._chunks.problems(i, i_chunk, n_switches, digest)
                 if problems:
                     raise DamageError(
                         f"candidate {i}, chunk {i_chunk} in {self.path} is damaged ({problems[0]}): "

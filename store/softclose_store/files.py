@@ -58,7 +58,9 @@ class LocalFiles(LocalStore):
     that a damaged or half-written file cannot stand in its way.
     """
 
-    def __init__(self, root: Path | str, *, read_only: bool = False, durable: bool = False, blind: bool = False) -> None:
+    def __init__(
+        self, root: Path | str, *, read_only: bool = False, durable: bool = False, blind: bool = False
+    ) -> None:
         super().__init__(root, read_only=read_only)
         self.durable = durable
         self.blind = blind

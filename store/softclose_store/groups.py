@@ -21,11 +21,15 @@ from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
 
 from softclose_store import digests
+from softclose_store.chunk import read_array
 from softclose_store.errors import DamageError, StoreError, StoreExistsError, StoreMissingError
 from softclose_store.files import StorePath, list_keys, normalised, open_files, read_key, write_key
-from softclose_store.root import Root, read_root, write_root
+from softclose_store.root import RUNTIME_KEY, Root, read_root, runtime_text, write_root
 
-RUNTIME_KEY = "runtime/zarr.json"
+FILES = "softclose_files"
+"""Attribute of a result group: sha256 of every file in it."""
+OWN = "softclose_digest"
+"""Attribute of a result group: sha256 of its own metadata without this."""
 _NAME = re.compile(r"[a-z][a-z0-9_-]*(/[a-z0-9][a-z0-9_.-]*)*")
 
 
@@ -35,8 +39,7 @@ def append_run(files: Store, root: Root, runtime: Mapping[str, Any]) -> Root:
     document = root.metadata["runtime"]
     attributes = document["attributes"]
     attributes["runs"] = [*attributes.get("runs", []), json.loads(digests.canonical_json(runtime))]
-    own = {name: value for name, value in document.items() if name != "consolidated_metadata"}
-    write_key(files, RUNTIME_KEY, json.dumps(own, indent=1, sort_keys=True).encode())
+    write_key(files, RUNTIME_KEY, runtime_text(root))
     write_root(files, root)
     return root
 
@@ -66,9 +69,14 @@ class ResultGroup:
 
 
 def write_group(
-    path: StorePath, name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str, Any], *, replace: bool = False
+    path: StorePath,
+    name: str,
+    arrays: Mapping[str, GroupArray],
+    attributes: Mapping[str, Any],
+    *,
+    replace: bool = False,
 ) -> None:
-    """Add a result group `name` (such as `certification/3`) to the store at `path`. It appears as a whole, or not at all.
+    """Add a result group `name` (such as `certification/3`) to the store at `path`, as a whole or not at all.
 
     Needs no lock: it touches nothing of the campaign. Raises StoreExistsError unless `replace`.
     """
@@ -77,7 +85,7 @@ def write_group(
     where = normalised(path)
     root = read_root(open_files(path, read_only=True), where)
     if name.partition("/")[0] in root.metadata:
-        raise StoreError(f"the group {name!r} would fall into the campaign's own {name.partition('/')[0]!r}; use another name")
+        raise StoreError(f"the group {name!r} would fall into one of the campaign's own arrays; use another name")
     files = open_files(path, read_only=False, durable=bool(root.attributes["durable"]))
     last = f"{name}/zarr.json"
     if not replace and read_key(files, last) is not None:
@@ -95,14 +103,12 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
     buffers: dict[str, Buffer] = {}
     group = zarr.create_group(MemoryStore(buffers))
     result = group.create_group(name)
-    found = {}
     for key, array in arrays.items():
         values = np.asarray(array.values)
         if values.dtype.kind in "OTUS":
             values = values.astype(np.dtypes.StringDType())
         elif values.dtype.kind not in "biuf":
             raise StoreError(f"array {key} of group {name} is of type {values.dtype}; it must be numbers or text")
-        found[key] = digests.array_sha256(values)
         is_text = values.dtype.kind == "T"
         stored = result.create_array(
             key, shape=values.shape, chunks=tuple(max(1, min(n, 65_536)) for n in values.shape),
@@ -113,8 +119,35 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
             attributes={"units": array.unit, "long_name": array.long_name},
         )  # fmt: skip
         stored[...] = values
-    result.update_attributes({**json.loads(digests.canonical_json(attributes)), "softclose_digests": found})
-    return {key: value.to_bytes() for key, value in buffers.items()}
+    contents = {key: value.to_bytes() for key, value in buffers.items()}
+    own = f"{name}/zarr.json"
+    document = json.loads(contents[own])
+    document["attributes"] = json.loads(digests.canonical_json(attributes))
+    document["attributes"][FILES] = {
+        key.removeprefix(f"{name}/"): digests.sha256(content)
+        for key, content in contents.items()
+        if key.startswith(f"{name}/") and key != own
+    }
+    contents[own] = _encode(document)
+    return contents
+
+
+def _encode(document: dict[str, Any]) -> bytes:
+    document["attributes"].pop(OWN, None)
+    document["attributes"][OWN] = digests.sha256(digests.canonical_json(document).encode())
+    return json.dumps(document, indent=1, sort_keys=True).encode()
+
+
+def _attributes(content: bytes) -> dict[str, Any] | None:
+    """The attributes of a result group's own metadata; None where this is no result group, or a damaged one."""
+    try:
+        document = json.loads(content)
+        stored = document["attributes"][OWN]
+        whole = _encode(document) == content and document["attributes"][OWN] == stored
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+    attributes: dict[str, Any] = document["attributes"]
+    return attributes if whole else None
 
 
 def read_group(path: StorePath, name: str) -> ResultGroup:
@@ -123,28 +156,45 @@ def read_group(path: StorePath, name: str) -> ResultGroup:
     files = open_files(path, read_only=True)
     if read_key(files, f"{name}/zarr.json") is None:
         raise StoreMissingError(f"{where} has no group {name}")
-    try:
-        group = zarr.open_group(files, path=name, mode="r", use_consolidated=False)
-        attributes = dict(group.attrs)
-        found = attributes.pop("softclose_digests")
-        arrays = {key: np.asarray(group[key][...]) for key in found}  # type: ignore[index]
-    except (ValueError, RuntimeError, OSError, KeyError, TypeError) as e:
-        raise DamageError(f"group {name} of {where} cannot be read: {e}") from e
-    for key, values in arrays.items():
-        if digests.array_sha256(values) != found[key]:  # type: ignore[index, call-overload]
-            raise DamageError(f"array {key} of group {name} in {where} is not what was written")
-    return ResultGroup(arrays=arrays, attributes=attributes)
+    problems = group_problems(files, name)
+    if problems:
+        raise DamageError(f"group {name} of {where} is damaged: {'; '.join(problems)}")
+    attributes = _attributes(read_key(files, f"{name}/zarr.json") or b"") or {}
+    keys = [key for key in attributes.pop(FILES) if key.count("/") == 1 and key.endswith("/zarr.json")]
+    attributes.pop(OWN)
+    names = [key.partition("/")[0] for key in keys]
+    return ResultGroup(arrays={key: read_array(files, f"{name}/{key}") for key in names}, attributes=attributes)
+
+
+def group_problems(files: Store, name: str) -> list[str]:
+    """What is wrong with a result group: one sentence per file that is not what was written."""
+    attributes = _attributes(read_key(files, f"{name}/zarr.json") or b"")
+    if attributes is None:
+        return [f"{name}/zarr.json is not what was written"]
+    return [
+        f"{name}/{key} is not what was written"
+        for key, expected in attributes[FILES].items()
+        if digests.sha256(read_key(files, f"{name}/{key}") or b"") != expected
+    ]
+
+
+def group_keys(files: Store, name: str) -> list[str]:
+    """Every key of a result group; only its own metadata where that is damaged."""
+    own = f"{name}/zarr.json"
+    attributes = _attributes(read_key(files, own) or b"")
+    return [own, *(f"{name}/{key}" for key in (attributes or {FILES: ()})[FILES])]
 
 
 def list_groups(path: StorePath, prefix: str = "") -> list[str]:
     """Names of the result groups whose name starts with `prefix`, sorted."""
-    files = open_files(path, read_only=True)
-    names = []
+    return result_groups(open_files(path, read_only=True), prefix)
+
+
+def result_groups(files: Store, prefix: str = "") -> list[str]:
+    """Names of the result groups among the files of a store."""
+    found = []
     for key in list_keys(files):
         name, _, last = key.rpartition("/")
-        if last != "zarr.json" or not name.startswith(prefix):
-            continue
-        document = json.loads(read_key(files, key) or b"{}")
-        if "softclose_digests" in document.get("attributes", {}):
-            names.append(name)
-    return names
+        if last == "zarr.json" and name.startswith(prefix) and FILES.encode() in (read_key(files, key) or b""):
+            found.append(name)
+    return found

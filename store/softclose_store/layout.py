@@ -64,9 +64,7 @@ class ArraySpec:
     long_name: str
     """What it is, in words."""
     role: Role
-    """Who writes it when: switch (workers), proposal, record, wall, digest (driver), marker (workers), static (creation)."""
-    sampled: bool = False
-    """True for the large sampled arrays x and v."""
+    """Who writes it: workers (switch, marker), the driver (proposal, record, wall, digest), the creation (static)."""
 
     @property
     def fill(self) -> Any:
@@ -82,12 +80,8 @@ class ArraySpec:
         return np.full(tuple(shape), self.fill, dtype=dtype)
 
 
-def _spec(
-    role: Role, name: str, dims: str, dtype: str, unit: str, long_name: str, *, sampled: bool = False
-) -> ArraySpec:
-    return ArraySpec(
-        name=name, dims=tuple(dims.split()), dtype=dtype, unit=unit, long_name=long_name, role=role, sampled=sampled
-    )
+def _spec(role: Role, name: str, dims: str, dtype: str, unit: str, long_name: str) -> ArraySpec:
+    return ArraySpec(name=name, dims=tuple(dims.split()), dtype=dtype, unit=unit, long_name=long_name, role=role)
 
 
 def _switch_specs() -> list[ArraySpec]:
@@ -103,8 +97,8 @@ def _switch_specs() -> list[ArraySpec]:
         _spec("switch", "status", cs, "i1", "1", "outcome of the integration; 0: ok, -1: not simulated"),
         _spec("switch", "impact_time", csi, "f8", "µs", "instants of the first impacts; NaN beyond the last"),
         _spec("switch", "impact_speed", csi, "f8", "µm/µs", "speeds just before the first impacts"),
-        _spec("switch", "x", cst, "f4", "µm", "travel x(t)", sampled=True),
-        _spec("switch", "v", cst, "f4", "µm/µs", "velocity v(t)", sampled=True),
+        _spec("switch", "x", cst, "f4", "µm", "travel x(t)"),
+        _spec("switch", "v", cst, "f4", "µm/µs", "velocity v(t)"),
     ]
 
 
@@ -153,6 +147,7 @@ def _candidate_specs() -> list[ArraySpec]:
         _spec("record", "p_above_v_u_half_width", c, "f8", "1", "half-width a of Eq. 11 for p_above_v_u"),
         _spec("record", "p_exceed", cl, "f8", "1", "fraction of the switches in contact with V > limit"),
         *_interval_specs("p_exceed", cl, "p_exceed"),
+        _spec("digest", "markers_digest", c, "u8", "1", "xxh3 of the markers of all its chunks; 0: not written"),
         _spec("digest", "record_digest", c, "u8", "1", "xxh3 of the record; 0: not written"),
         _spec("wall", "wall_propose_s", c, "f8", "s", "time spent proposing"),
         _spec("wall", "wall_simulate_s", c, "f8", "s", "time from submission to the last chunk"),
@@ -283,7 +278,7 @@ class Layout:
 def check_schema(version: Any, where: str) -> None:
     """Raise SchemaError unless this program reads the store's schema version."""
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise SchemaError(f"{where} has schema version {version!r}, which no version of softclose writes: is it damaged?")
+        raise SchemaError(f"{where} has schema version {version!r}, which no softclose writes: is it damaged?")
     if version > SCHEMA_VERSION:
         raise SchemaError(
             f"{where} has schema version {version}; this version of softclose reads up to {SCHEMA_VERSION}: "

@@ -130,7 +130,7 @@ class DriverLock:
     def check(self) -> None:
         """Raise LockedError once somebody has broken the lock: the store is theirs now."""
         if not self.still_held():
-            raise LockedError(f"the lock of {self._where} was broken while this driver held it: another one works on it now")
+            raise LockedError(f"the lock of {self._where} was broken: another driver works on the store now")
 
     def release(self) -> None:
         """Give the lock back; one that was broken is left to its new holder."""
@@ -149,8 +149,8 @@ class DriverLock:
         if holder is not None and holder.is_dead:
             fate = " (that process is gone; one of its children still holds the lock)"
         return LockedError(
-            f"{self._where} is being driven by {whose}{fate}; a store has one driver at a time: wait for it, or, if you "
-            "are sure that it is gone, take the store with --break-lock"
+            f"{self._where} is being driven by {whose}{fate}; a store has one driver at a time: wait for it, or, if "
+            "you are sure that it is gone, take the store with --break-lock"
         )
 
 

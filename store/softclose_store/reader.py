@@ -1,4 +1,4 @@
-"""Owns reading: a campaign as typed, lazy, read-only values. Sees committed candidates only, also while a run writes."""
+"""Owns reading: a campaign as typed, lazy, read-only values, committed candidates only, also while a run writes."""
 
 from __future__ import annotations
 
@@ -208,7 +208,9 @@ class Campaign:
         try:
             return np.asarray(self._array(name)[...])
         except (ValueError, RuntimeError, OSError) as e:
-            raise DamageError(f"{name} of {self.path} cannot be read ({type(e).__name__}: {e}): run `softclose verify`") from e
+            raise DamageError(
+                f"{name} of {self.path} cannot be read ({type(e).__name__}: {e}): run `softclose verify`"
+            ) from e
 
     def _array(self, name: str) -> zarr.Array[Any]:
         array = self._group[name]
@@ -217,7 +219,7 @@ class Campaign:
 
     def _check(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer) or not 0 <= i < self.committed:
-            raise StoreError(f"candidate {i!r} is not committed; {self.path} has {self.committed} (0 to {self.committed - 1})")
+            raise StoreError(f"candidate {i!r} is not committed; {self.path} has {self.committed}, counted from 0")
         return int(i)
 
     def best(self, n_switches: int | None = None) -> Best | None:
@@ -256,7 +258,8 @@ class Campaign:
             import pandas
         except ImportError:
             return columns
-        plain = {name: column.astype(object) if column.dtype.kind == "T" else column for name, column in columns.items()}
+        plain = {name: column.astype(object) if column.dtype.kind == "T" else column
+                 for name, column in columns.items()}  # fmt: skip
         return pandas.DataFrame(plain, index=pandas.RangeIndex(self.committed, name="candidate"))
 
     def trajectories(self, i: int) -> Trajectories:
@@ -294,7 +297,8 @@ class Campaign:
         """The store as xarray sees it, lazily."""
         import xarray
 
-        return xarray.open_zarr(self.path, chunks=None)
+        dataset: xr.Dataset = xarray.open_zarr(self.path, chunks=None)
+        return dataset
 
     def __repr__(self) -> str:
         return f"Campaign({self.path!r}, {self.committed} of {self.budget} candidates)"

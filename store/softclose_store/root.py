@@ -22,6 +22,10 @@ from softclose_store.layout import check_schema
 ROOT_KEY = "zarr.json"
 KIND = "softclose-campaign"
 SCHEMA_ATTRIBUTE = "softclose_schema"
+BACKUP_KEY = "chunk_digest/root.json"
+"""The root as created, nothing committed: what a damaged root is rebuilt from. In an array's folder, where no Zarr tool
+looks for members."""
+RUNTIME_KEY = "runtime/zarr.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,12 @@ class Root:
         return _text(document)
 
 
+def runtime_text(root: Root) -> bytes:
+    """The bytes of the group `runtime`'s own metadata, which say what the root says of it."""
+    document = root.metadata["runtime"]
+    return _text({name: value for name, value in document.items() if name != "consolidated_metadata"})
+
+
 def _text(document: Mapping[str, Any]) -> bytes:
     return json.dumps(document, indent=1, sort_keys=True, allow_nan=False).encode()
 
@@ -93,7 +103,8 @@ def decode_root(content: bytes, where: str) -> Root:
     stored = attributes.get("root_digest")
     if root.encode() != content or root.attributes["root_digest"] != stored:
         raise DamageError(
-            f"{where}/zarr.json is not what was written (its own digest differs): `softclose verify --repair` rebuilds it"
+            f"{where}/zarr.json is not what was written (its own digest differs): "
+            "`softclose verify --repair` rebuilds it"
         )
     return root
 

@@ -97,8 +97,8 @@ class CandidateTable:
         return digests.fields_digest(f"proposal|{i}", ((s.name, self._plain(s, i)) for s in PROPOSAL_FIELDS))
 
     def record_digest(self, i: int) -> int:
-        """Digest of candidate i's record, tied to its proposal."""
-        key = f"record|{i}|{int(self.columns['proposal_digest'][i])}"
+        """Digest of candidate i's record, tied to its proposal and its chunks."""
+        key = f"record|{i}|{int(self.columns['proposal_digest'][i])}|{int(self.columns['markers_digest'][i])}"
         return digests.fields_digest(key, ((s.name, self._plain(s, i)) for s in RECORD_FIELDS))
 
     def wall_digest(self, i: int) -> int:
