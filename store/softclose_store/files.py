@@ -75,7 +75,10 @@ class LocalFiles(LocalStore):
         """Read a key; chunks are invisible to a blind writer."""
         if self.blind and "/c/" in key:
             return None
-        return await super().get(key, prototype, byte_range)
+        try:
+            return await super().get(key, prototype, byte_range)
+        except FileNotFoundError:  # the store's folder itself is not there
+            return None
 
     async def set(self, key: str, value: Buffer) -> None:
         """Replace a key by a whole new file."""
