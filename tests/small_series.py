@@ -1,0 +1,31 @@
+"""Owns the small finished campaign of the certification, rescoring and study tests, run in this process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from softclose.config import load_config
+from softclose_store import DriverStore
+from softclose_workflows.campaign import Campaign
+from softclose_workflows.drive import create_store
+from softclose_workflows.executors import open_executor
+from softclose_workflows.presets import find_preset
+
+SETTINGS = (
+    "campaign.budget=8",
+    "population.n_switches=80",
+    "compute.chunk_switches=50",
+    "store.n_times=11",
+    "optimiser.engine=sobol",
+    "finish.budget=0",
+)
+"""Eight Sobol points, two chunks each: no surrogate to fit."""
+
+
+def small_campaign(path: Path, *settings: str, run: bool = True) -> str:
+    """The path of a campaign that has run to its end, or (run=False) has only been created."""
+    create_store(load_config(find_preset("current"), (*SETTINGS, *settings)), str(path))
+    if run:
+        with DriverStore(str(path)) as store, open_executor(None, None, serial=True) as executor:
+            Campaign(store, executor).run()
+    return str(path)

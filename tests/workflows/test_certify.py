@@ -1,0 +1,129 @@
+"""Claims about certification: what is ranked, on which switches, and that it is kept as it was."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from small_series import small_campaign
+from softclose import load_population, simulate
+from softclose_store import list_groups, open_campaign, read_group
+from softclose_workflows.certify import (
+    DISTINCT_VOLTS,
+    STREAM,
+    CertifyError,
+    certify,
+    fresh_switches,
+    read_certification,
+)
+from softclose_workflows.cli import main
+
+N = 1500
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return small_campaign(tmp_path_factory.mktemp("certify") / "a.zarr")
+
+
+def test_candidates_are_ranked_by_what_they_do_on_fresh_switches(store: str) -> None:
+    result = certify(store, n_switches=N, top=4)
+    g = [d.assessment.g_cm_s for d in result.candidates]
+    assert g == sorted(g)
+    assert len(g) == 4
+    assert result.incumbent in [d.candidate for d in result.candidates]
+    assert [d.name for d in result.references] == ["unshaped", "deterministic"]
+    assert result.references[0].assessment.v_u_cm_s == pytest.approx(41.6, abs=1.2)  # SPEC §7
+    for d in result.candidates:
+        assert d.flattery_cm_s == d.assessment.g_cm_s - open_campaign(store).records()["g_cm_s"][d.candidate]
+
+
+def test_each_switch_is_the_simulation_of_a_fresh_switch(store: str) -> None:
+    result = certify(store, n_switches=N, top=4)
+    population = load_population("current")
+    again = simulate(fresh_switches(population, N, seed=result.seed), result.best.waveform)
+    np.testing.assert_array_equal(result.best.response.max_contact_speed, again.max_contact_speed)
+    np.testing.assert_array_equal(result.best.response.closed, again.closed)
+
+
+def test_no_seed_makes_the_fresh_switches_the_training_switches() -> None:
+    population = load_population("current")
+    training = {tuple(row) for row in population.sample(500, seed=1)}
+    assert STREAM != 0
+    for seed in range(5):
+        assert not training & {tuple(row) for row in fresh_switches(population, 500, seed=seed)}
+
+
+def test_certified_candidates_are_distinct_waveforms(store: str) -> None:
+    t = np.linspace(0.0, 250.0, 1001)
+    u = [d.waveform.voltage(t) for d in certify(store, n_switches=N, top=4).candidates]
+    for i, a in enumerate(u):
+        for b in u[:i]:
+            assert math.sqrt(np.mean((a - b) ** 2)) >= DISTINCT_VOLTS
+
+
+def test_certification_is_read_back_as_it_was_and_not_computed_again(
+    store: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = certify(store, n_switches=N, top=4)
+    monkeypatch.setattr("softclose_workflows.certify.simulate_fresh", None)
+    again = certify(store, n_switches=N, top=4)
+    read = read_certification(store)
+    assert read is not None
+    for other in (again, read):
+        assert [d.name for d in other.candidates] == [d.name for d in first.candidates]
+        for a, b in zip(first.candidates + first.references, other.candidates + other.references, strict=True):
+            assert repr(a.assessment) == repr(b.assessment)
+            np.testing.assert_array_equal(a.response.max_contact_speed, b.response.max_contact_speed)
+            assert a.waveform == b.waveform
+
+
+def test_stored_content_depends_on_nothing_but_the_request(store: str) -> None:
+    certify(store, n_switches=N, seed=5, top=2, threads=1)
+    first = read_group(store, "certification")
+    certify(store, n_switches=N, top=2)  # replaces it
+    certify(store, n_switches=N, seed=5, top=2, threads=2)
+    second = read_group(store, "certification")
+    assert list_groups(store) == ["certification"]
+    assert first.attributes == second.attributes
+    assert first.arrays.keys() == second.arrays.keys()
+    for name, values in first.arrays.items():
+        np.testing.assert_array_equal(values, second.arrays[name])
+
+
+def test_the_campaign_is_left_as_it_was(store: str) -> None:
+    before = open_campaign(store)
+    certify(store, n_switches=100, top=1)
+    after = open_campaign(store)
+    assert after.committed == before.committed
+    assert after.fingerprint == before.fingerprint
+
+
+def test_command_prints_one_json_object(store: str) -> None:
+    done = CliRunner().invoke(main, ["certify", store, "--switches", str(N), "--top", "2", "--json"])
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    best = said["candidates"][0]
+    assert best["p_nc_intervals"].keys() >= {"wald", "wilson", "clopper_pearson"}
+    assert best["p_exceed"][0]["limit_cm_s"] == 19.7
+    assert best["v_u_interval"][0] <= best["v_u_cm_s"] <= best["v_u_interval"][1]
+    assert said["best_against"].keys() == {"unshaped", "deterministic"}
+    assert best["waveform"][-1][2] is None
+    plain = CliRunner().invoke(main, ["certify", store, "--switches", str(N), "--top", "2"])
+    assert "against unshaped" in plain.stdout
+
+
+def test_bad_requests_are_refused(store: str) -> None:
+    with pytest.raises(CertifyError, match="at least 1"):
+        certify(store, n_switches=0)
+
+
+def test_a_campaign_without_candidates_cannot_be_certified(tmp_path: Path) -> None:
+    store = small_campaign(tmp_path / "empty.zarr", run=False)
+    with pytest.raises(CertifyError, match="no usable candidate yet"):
+        certify(store, n_switches=10)

@@ -1,0 +1,41 @@
+"""Owns `softclose certify`."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from softclose_workflows.commands.options import quiet_option
+
+
+@click.command(
+    epilog="\b\nExamples:\n  softclose certify runs/a.zarr\n"
+    "  softclose certify runs/a.zarr --switches 1000000 --top 3 --json | jq '.candidates[0].g_cm_s'"
+)
+@click.argument("store", metavar="STORE")
+@click.option("--switches", type=int, default=100_000, show_default=True, help="Fresh switches.")
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the fresh switches [the campaign's].")
+@click.option("--top", type=int, default=10, show_default=True, help="Best distinct candidates to certify.")
+@click.option("--threads", type=click.IntRange(min=1), help="Threads to simulate with [one per core].")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+@quiet_option
+def certify(store: str, switches: int, seed: int | None, top: int, threads: int | None, as_json: bool,
+            quiet: bool) -> None:  # fmt: skip
+    """Rank the best candidates in STORE by what they do on fresh switches, and keep the result in STORE.
+
+    The fresh switches are independent of those that the campaign was trained on, so the result is not flattered.
+    """
+    import os
+
+    from softclose_workflows.certified_tables import certification_to_json, print_certification, simulation_progress
+    from softclose_workflows.certify import certify as run
+
+    with simulation_progress("certifying", quiet=quiet) as listener:
+        result = run(
+            store, n_switches=switches, seed=seed, top=top, threads=threads or os.cpu_count() or 1, listener=listener
+        )
+    if as_json:
+        click.echo(json.dumps(certification_to_json(result), indent=2, allow_nan=False))
+    else:
+        print_certification(result)

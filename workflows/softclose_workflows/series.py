@@ -1,0 +1,118 @@
+"""Owns running several campaigns one after the other on one executor: finished ones are skipped, each is certified."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from softclose.config import CampaignConfig, ConfigError
+from softclose_store import DriverStore, open_campaign
+from softclose_workflows.campaign import Campaign
+from softclose_workflows.certified_tables import simulation_progress
+from softclose_workflows.certify import Certification, certify
+from softclose_workflows.drive import create_store, runtime
+from softclose_workflows.executors import Executor, open_executor
+from softclose_workflows.progress import show_progress
+from softclose_workflows.stopping import StopRequest, stop_on_signals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One campaign of a series."""
+
+    name: str
+    """Name of its store in the series' folder."""
+    config: CampaignConfig
+    """What it runs."""
+
+    def store(self, folder: str | Path) -> str:
+        """Path of its store."""
+        return str(Path(folder) / f"{self.name}.zarr")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How a series is computed; no result depends on it but on `n_switches` and `top`."""
+
+    n_switches: int = 100_000
+    """Fresh switches of each certification."""
+    top: int = 10
+    """Candidates certified in each campaign."""
+    workers: int | None = None
+    """Worker processes of the local cluster."""
+    scheduler: str | None = None
+    """Existing Dask scheduler."""
+    serial: bool = False
+    """Compute in this process."""
+    threads: int = 1
+    """Threads of a certification."""
+    quiet: bool = False
+    """Say nothing."""
+
+
+Done = Callable[[Member, Certification], None]
+
+
+def run_series(
+    members: Sequence[Member], folder: str | Path, effort: Effort, done: Done | None = None
+) -> list[Certification]:
+    """Run, or continue, every campaign and certify it; returns the certifications in the order of the members.
+
+    Every store is created or found to hold the very campaign before anything is computed, so a folder of another series
+    is refused at once. done: called after each member. Raises Stopped on a signal; the same call continues.
+    """
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    for member in members:
+        create_store(member.config, member.store(folder))
+    results = []
+    with stop_on_signals() as stop, ExitStack() as stack:
+        executor: Executor | None = None
+        for number, member in enumerate(members, start=1):
+            path = member.store(folder)
+            if not open_campaign(path).finished:
+                if executor is None:  # nothing left to run needs no cluster
+                    executor = stack.enter_context(
+                        open_executor(effort.workers, effort.scheduler, serial=effort.serial)
+                    )
+                _say(effort, f"[{number}/{len(members)}] {member.config.campaign.name}")
+                _run(path, executor, stop, effort)
+            quiet = effort.quiet or not sys.stderr.isatty()
+            with simulation_progress(f"certifying {member.name}", quiet=quiet) as listener:
+                result = certify(
+                    path, n_switches=effort.n_switches, top=effort.top, threads=effort.threads, listener=listener
+                )
+            results.append(result)
+            if done is not None:
+                done(member, result)
+    return results
+
+
+def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> None:
+    with DriverStore(path) as store:
+        store.note_run(runtime())
+        with show_progress(quiet=effort.quiet or not sys.stderr.isatty()) as listener:
+            Campaign(store, executor, stop=stop, listener=listener).run()
+
+
+def _say(effort: Effort, message: str) -> None:
+    if not effort.quiet:
+        click.echo(message, err=True)
+
+
+def find_named(source: str, folder: Path, what: str) -> Path:
+    """The file of a shipped name, or the file itself. Raises ConfigError where there is neither."""
+    path = Path(source)
+    if path.suffix == ".toml" or path.is_file():
+        return path
+    names = sorted(p.stem for p in folder.glob("*.toml"))
+    if source in names:
+        return folder / f"{source}.toml"
+    near = difflib.get_close_matches(source, names, n=1)
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise ConfigError(f"no {what} or file {source!r}; {hint}shipped: {', '.join(names)}")
