@@ -1,0 +1,62 @@
+"""Sobol' indices: exact on made-up device models, sensible on the real one."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softclose import load_population
+from softclose.baselines import unshaped
+from softclose.sensitivity import SensitivityError, sensitivity
+
+CURRENT = load_population("current")
+
+
+def _linear(switches: np.ndarray, waveform: object) -> Any:
+    """V = D + 2 G, closed where D is below its median: a model with known indices."""
+    d, g = switches[:, 0], switches[:, 1]
+    return SimpleNamespace(max_contact_speed=d + 2.0 * g, closed=d < 2.42)
+
+
+def test_indices_of_an_additive_model_are_its_variance_shares() -> None:
+    s = sensitivity(CURRENT, unshaped(), n=512, model=_linear)
+    share = CURRENT.D.sd**2 / (CURRENT.D.sd**2 + 4.0 * CURRENT.G.sd**2)
+    exact = {("v_cm_s", "D"): share, ("v_cm_s", "G"): 1.0 - share, ("closed", "D"): 1.0}
+    for i in s.indices:
+        truth = exact.get((i.output, i.variable), 0.0)
+        assert i.first == pytest.approx(truth, abs=0.03)
+        assert i.total == pytest.approx(truth, abs=0.03)
+    assert s.p_contact == 1.0
+    assert s.p_closed == pytest.approx(0.5, abs=0.1)
+    assert s.n_simulated == 6 * 512 * 8
+
+
+def test_a_switch_that_never_touches_counts_as_0_and_is_reported() -> None:
+    def sometimes(switches: np.ndarray, waveform: object) -> Any:
+        touches = switches[:, 1] < 3.67
+        return SimpleNamespace(max_contact_speed=np.where(touches, 0.2, np.nan), closed=np.ones(len(switches), bool))
+
+    s = sensitivity(CURRENT, unshaped(), n=256, n_replicates=3, model=sometimes)
+    found = {(i.output, i.variable): i for i in s.indices}
+    assert found["v_cm_s", "G"].first == pytest.approx(1.0, abs=0.05)
+    assert 0.3 < s.p_contact < 0.7
+    assert np.isnan(found["closed", "G"].first)  # every switch closes: nothing to explain
+
+
+def test_thickness_dominates_the_unshaped_contact_speed() -> None:
+    s = sensitivity(CURRENT, unshaped(), n=64, n_replicates=4, seed=2)
+    v = {i.variable: i for i in s.indices if i.output == "v_cm_s"}
+    assert max(v, key=lambda name: v[name].total) == "T"
+    assert v["T"].first_interval[0] < v["T"].first < v["T"].first_interval[1]
+    again = sensitivity(CURRENT, unshaped(), n=64, n_replicates=4, seed=2)
+    assert [i.total for i in again.indices[:4]] == [i.total for i in s.indices[:4]]
+
+
+def test_sizes_that_give_no_indices_are_refused() -> None:
+    with pytest.raises(SensitivityError, match="n is 100; it must be a power of 2"):
+        sensitivity(CURRENT, unshaped(), n=100)
+    with pytest.raises(SensitivityError, match="n_replicates is 1"):
+        sensitivity(CURRENT, unshaped(), n_replicates=1)
