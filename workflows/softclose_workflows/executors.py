@@ -21,6 +21,8 @@ from softclose_workflows.tasks import ChunkResult, ChunkTask, run_chunk
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+    ChunkFuture = Future[ChunkResult]
+
 MAX_TRIES = 3
 """Workers that one chunk may kill before it is given up."""
 
@@ -81,7 +83,7 @@ class DaskExecutor:
     def __init__(self, client: Client, dashboard: str | None) -> None:
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self._futures: dict[str, Future] = {}
+        self._futures: dict[str, ChunkFuture] = {}
         # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
         self._token = uuid.uuid4().hex[:8]
         self._last_alive = time.monotonic()
@@ -105,7 +107,7 @@ class DaskExecutor:
         self._futures[key] = future
         future.add_done_callback(lambda done: self._finished(task, done))
 
-    def _finished(self, task: ChunkTask, future: Future) -> None:
+    def _finished(self, task: ChunkTask, future: ChunkFuture) -> None:
         """Runs on Dask's callback thread."""
         from distributed.scheduler import KilledWorker
 

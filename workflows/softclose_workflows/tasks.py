@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class ChunkTask:
     model: ModelSection
     max_volts: float
     rtol: float
-    method: str
+    method: Literal["taylor", "rk"]
     n_times: int
     max_impacts: int
 
@@ -89,7 +89,7 @@ def compute_chunk(task: ChunkTask, switches: FloatArray) -> dict[str, np.ndarray
         times_us=times_us(task.model.horizon_us, task.n_times),
         dtype=np.float32,
     )
-    arrays = {
+    arrays: dict[str, np.ndarray[Any, Any] | None] = {
         "max_contact_speed": response.max_contact_speed,
         "first_contact": response.first_contact_us,
         "settling": response.settling_us,
