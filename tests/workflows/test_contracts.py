@@ -60,7 +60,7 @@ def test_a_kill_at_any_durability_step_loses_nothing(point: str, tmp_path: Path,
 
 
 def test_a_killed_worker_is_replaced_and_its_chunk_retried(tmp_path: Path, reference_store: Path) -> None:
-    plan = Plan(kind="point", point="inside-chunk-write", passage=4, workers=1)
+    plan = Plan(kind="point", point="before-marker", passage=4, workers=1)
     assert run_round(tmp_path, reference_store, plan, random.Random(1)) == []
 
 

@@ -87,18 +87,27 @@ class DaskExecutor:
         # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
         self._token = uuid.uuid4().hex[:8]
         self._last_alive = time.monotonic()
-        self._last_look = time.monotonic()
-        self._known_workers: set[str] = set()
         self.dashboard = dashboard
         self.n_retries = 0
+        self._workers = set(client.scheduler_info(n_workers=-1)["workers"])
+        # The scheduler tells who comes and goes: looking now and then would miss a worker that dies at once.
+        client.subscribe_topic("all", self._membership)
 
     @property
     def n_workers(self) -> int:
         """Workers connected now."""
-        return len(self._workers())
+        return len(self._workers)
 
-    def _workers(self) -> set[str]:
-        return set(self._client.scheduler_info(n_workers=-1)["workers"])
+    def _membership(self, event: tuple[float, Any]) -> None:
+        """Runs in Dask's event loop, for every event that the scheduler tells to all."""
+        message = event[1] if isinstance(event[1], dict) else {}
+        if message.get("action") == "add-worker":
+            self._workers.add(message["worker"])
+            self._last_alive = time.monotonic()
+        elif message.get("action") == "remove-worker":
+            self._workers.discard(message["worker"])
+            self._last_alive = time.monotonic()
+            self.n_retries += not message.get("expected", False)
 
     def submit(self, task: ChunkTask) -> None:
         """Send one chunk; its outcome arrives through `next_event`."""
@@ -117,7 +126,7 @@ class DaskExecutor:
                 outcome = future.result(timeout=GRACE_S)
             except Exception as e:  # the result was lost between the two lines: run the chunk again
                 outcome = Stopped(f"{task.name}: its result could not be fetched: {e}")
-        elif future.status == "cancelled":
+        elif future.status in ("cancelled", "lost"):
             outcome = Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
         else:
             error = future.exception()
@@ -131,27 +140,15 @@ class DaskExecutor:
         try:
             event = self._events.get(timeout=timeout_s)
         except queue.Empty:
-            self._look_for_workers()
+            connected = self._client.status == "running"
+            if connected and self._workers:
+                self._last_alive = time.monotonic()
+            elif time.monotonic() - self._last_alive > GRACE_S:
+                what = "no worker is left" if connected else "the scheduler is gone"
+                raise Stopped(f"{what} (waited {GRACE_S:g} s)") from None
             return None
         self._last_alive = time.monotonic()
         return event
-
-    def _look_for_workers(self) -> None:
-        now = time.monotonic()
-        if now - self._last_look < 1.0:
-            return
-        self._last_look = now
-        try:
-            workers = self._workers() if self._client.status == "running" else set()
-        except Exception:
-            workers = set()
-        self.n_retries += len(self._known_workers - workers)
-        self._known_workers = workers
-        if workers:
-            self._last_alive = now
-        elif now - self._last_alive > GRACE_S:
-            what = "no worker is left" if self._client.status == "running" else "the scheduler is gone"
-            raise Stopped(f"{what} (waited {GRACE_S:g} s)")
 
 
 @contextlib.contextmanager
