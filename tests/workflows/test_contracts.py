@@ -33,7 +33,9 @@ def wait_for_commits(store: Path, n: int, process: subprocess.Popen[bytes], time
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_the_store_does_not_depend_on_the_number_of_workers(workers: int, tmp_path: Path, reference_store: Path) -> None:
+def test_the_store_does_not_depend_on_the_number_of_workers(
+    workers: int, tmp_path: Path, reference_store: Path
+) -> None:
     store = tmp_path / "a.zarr"
     done = softclose(*run_arguments(store), "--workers", str(workers))
     assert done.returncode == 0, done.stderr

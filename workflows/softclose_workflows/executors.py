@@ -12,7 +12,7 @@ import queue
 import time
 import uuid
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol
 
 from softclose_workflows.errors import ChunkFailure, ExecutorError, Stopped
@@ -28,6 +28,9 @@ MAX_TRIES = 3
 
 GRACE_S = 30.0
 """How long a run waits without any worker, or without its scheduler, before it stops [s]."""
+
+SILENT = logging.CRITICAL + 1
+"""A level above every message."""
 
 Event = tuple[ChunkTask, ChunkResult | BaseException]
 
@@ -80,7 +83,8 @@ class SerialExecutor:
 class DaskExecutor:
     """Runs chunks on a Dask cluster through one client."""
 
-    def __init__(self, client: Client, dashboard: str | None) -> None:
+    def __init__(self, client: Client, dashboard: str | None, refill: Callable[[int], Any] | None = None) -> None:
+        """`refill` starts workers until there are so many: a local cluster's own restarts give up on some deaths."""
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
         self._futures: dict[str, ChunkFuture] = {}
@@ -90,8 +94,15 @@ class DaskExecutor:
         self.dashboard = dashboard
         self.n_retries = 0
         self._workers = set(client.scheduler_info(n_workers=-1)["workers"])
+        self._wanted = len(self._workers)
+        self._refill = refill
         # The scheduler tells who comes and goes: looking now and then would miss a worker that dies at once.
         client.subscribe_topic("all", self._membership)
+
+    def close(self) -> None:
+        """Stop listening to the scheduler, so that neither side writes to the other while they part."""
+        with contextlib.suppress(Exception):  # the scheduler may be gone
+            self._client.unsubscribe_topic("all")
 
     @property
     def n_workers(self) -> int:
@@ -120,20 +131,20 @@ class DaskExecutor:
         """Runs on Dask's callback thread."""
         from distributed.scheduler import KilledWorker
 
-        outcome: ChunkResult | BaseException
+        outcome: ChunkResult | BaseException | None
         if future.status == "finished":
-            try:
-                outcome = future.result(timeout=GRACE_S)
-            except Exception as e:  # the result was lost between the two lines: run the chunk again
-                outcome = Stopped(f"{task.name}: its result could not be fetched: {e}")
-        elif future.status in ("cancelled", "lost"):
-            outcome = Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
+            # The data is in the store; nothing has to be fetched from a worker that may be gone by now.
+            outcome = ChunkResult(candidate=task.candidate, chunk=task.chunk, n_switches=task.stop - task.start)
+        elif future.status == "error":
+            outcome = future.exception()
+            if isinstance(outcome, KilledWorker):
+                outcome = ChunkFailure(f"it killed {MAX_TRIES + 1} workers in a row and was given up")
         else:
-            error = future.exception()
-            outcome = error
-            if isinstance(error, KilledWorker):
-                outcome = ChunkFailure(f"{task.name} killed {MAX_TRIES + 1} workers in a row and was given up")
-        self._events.put((task, outcome))
+            outcome = Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
+        # Dask would compute a result again whose only holder died, for as long as someone holds its future.
+        self._futures.pop(future.key, None)
+        if outcome is not None:
+            self._events.put((task, outcome))
 
     def next_event(self, timeout_s: float) -> Event | None:
         """See `Executor.next_event`."""
@@ -141,6 +152,8 @@ class DaskExecutor:
             event = self._events.get(timeout=timeout_s)
         except queue.Empty:
             connected = self._client.status == "running"
+            if self._refill is not None and len(self._workers) < self._wanted:
+                self._refill(self._wanted)
             if connected and self._workers:
                 self._last_alive = time.monotonic()
             elif time.monotonic() - self._last_alive > GRACE_S:
@@ -178,13 +191,14 @@ def _configure() -> None:
             "distributed.scheduler.allowed-failures": MAX_TRIES,
             # Chunks are long and few: stealing and work queueing buy nothing, a quick restart does.
             "distributed.comm.timeouts.connect": "10s",
+            "distributed.deploy.lost-worker-timeout": "3s",
             "distributed.admin.log-format": "%(levelname)s %(message)s",
         }
     )
     # A worker's death is reported by us, once; Dask's own account of it runs to a page.
     for name in ("distributed.nanny", "distributed.scheduler", "distributed.worker", "distributed.core",
                  "distributed.comm", "distributed.client", "tornado.application", "asyncio"):  # fmt: skip
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+        logging.getLogger(name).setLevel(SILENT)
 
 
 @contextlib.contextmanager
@@ -196,11 +210,11 @@ def _local(workers: int) -> Iterator[DaskExecutor]:
     with (
         LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-            dashboard_address="127.0.0.1:0", worker_dashboard_address=None, silence_logs=logging.CRITICAL,
+            dashboard_address="127.0.0.1:0", worker_dashboard_address=None, silence_logs=SILENT,
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):  # fmt: skip
-        yield from _on(client, cluster.dashboard_link)
+        yield from _on(client, cluster.dashboard_link, cluster.scale)
 
 
 @contextlib.contextmanager
@@ -218,8 +232,12 @@ def _remote(address: str) -> Iterator[DaskExecutor]:
         yield from _on(client, client.dashboard_link)
 
 
-def _on(client: Client, dashboard: str | None) -> Iterator[DaskExecutor]:
+def _on(client: Client, dashboard: str | None, refill: Callable[[int], Any] | None = None) -> Iterator[DaskExecutor]:
     from softclose_workflows.worker_setup import WorkerSetup
 
     client.register_plugin(WorkerSetup(), name="softclose")
-    yield DaskExecutor(client, dashboard)
+    executor = DaskExecutor(client, dashboard, refill)
+    try:
+        yield executor
+    finally:
+        executor.close()
