@@ -118,9 +118,12 @@ def test_command_prints_one_json_object(store: str) -> None:
     assert "against unshaped" in plain.stdout
 
 
-def test_bad_requests_are_refused(store: str) -> None:
+def test_bad_requests_are_refused(store: str, tmp_path: Path) -> None:
     with pytest.raises(CertifyError, match="at least 1"):
         certify(store, n_switches=0)
+    nothing = CliRunner().invoke(main, ["certify", str(tmp_path / "none.zarr")])
+    assert nothing.exit_code == 2
+    assert "none.zarr" in nothing.stderr
 
 
 def test_a_campaign_without_candidates_cannot_be_certified(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from softclose import __version__
-from softclose_workflows.commands import certify, rescore, resume, run, status
+from softclose_workflows.commands import certify, rescore, resume, run, status, study
 from softclose_workflows.errors import EXIT_BAD_INPUT, EXIT_STOPPED, Stopped
 
 EPILOG = """\b
@@ -56,5 +56,5 @@ def main() -> None:
         sys.stdout.reconfigure(errors="replace")
 
 
-for _command in (run.run, resume.resume, status.status, certify.certify, rescore.rescore):
+for _command in (run.run, resume.resume, status.status, certify.certify, rescore.rescore, study.study):
     main.add_command(_command)

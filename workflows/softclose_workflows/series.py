@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import difflib
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from softclose_workflows.campaign import Campaign
 from softclose_workflows.certified_tables import simulation_progress
 from softclose_workflows.certify import Certification, certify
 from softclose_workflows.drive import create_store, runtime
+from softclose_workflows.errors import Stopped
 from softclose_workflows.executors import Executor, open_executor
 from softclose_workflows.progress import show_progress
 from softclose_workflows.stopping import StopRequest, stop_on_signals
@@ -71,9 +72,11 @@ def run_series(
     for member in members:
         create_store(member.config, member.store(folder))
     results = []
-    with stop_on_signals() as stop, ExitStack() as stack:
+    with stop_on_signals() as stop, ExitStack() as stack, _same_command_continues():
         executor: Executor | None = None
         for number, member in enumerate(members, start=1):
+            if stop:
+                raise Stopped(f"{stop.signal_name} received")
             path = member.store(folder)
             if not open_campaign(path).finished:
                 if executor is None:  # nothing left to run needs no cluster
@@ -98,6 +101,14 @@ def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> No
         store.note_run(runtime())
         with show_progress(quiet=effort.quiet or not sys.stderr.isatty()) as listener:
             Campaign(store, executor, stop=stop, listener=listener).run()
+
+
+@contextmanager
+def _same_command_continues() -> Iterator[None]:
+    try:
+        yield
+    except Stopped as e:
+        raise Stopped(f"{e}; the same command continues") from e
 
 
 def _say(effort: Effort, message: str) -> None:

@@ -1,0 +1,45 @@
+"""Owns `softclose study`."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from softclose_workflows.commands.options import executor_options, quiet_option
+
+
+@click.command(
+    epilog="\b\nShipped studies: restitution, repeatability, design-change, c1, u-max\n\n\b\nExamples:\n"
+    "  softclose study restitution --out runs/restitution\n"
+    "  softclose study mine.toml --out runs/mine --set campaign.budget=60 --json"
+)
+@click.argument("source", metavar="NAME|FILE")
+@click.option("--out", required=True, metavar="DIR", help="Folder of the stores, one per value.")
+@click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting of all.")
+@click.option("--switches", type=click.IntRange(min=1), default=100_000, show_default=True, help="Fresh switches.")
+@click.option("--top", type=click.IntRange(min=1), default=10, show_default=True, help="Candidates certified in each.")
+@executor_options
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+@quiet_option
+def study(source: str, out: str, overrides: tuple[str, ...], switches: int, top: int, workers: int | None,
+          scheduler: str | None, serial: bool, as_json: bool, quiet: bool) -> None:  # fmt: skip
+    """Run a campaign for every value of one parameter, certify each, and try every optimum under every value.
+
+    Stopped or killed, the same command continues; what is finished is not computed again.
+    """
+    import os
+
+    from softclose_workflows.series import Effort
+    from softclose_workflows.study import print_study, run_study
+    from softclose_workflows.study_file import load_study
+
+    effort = Effort(
+        n_switches=switches, top=top, workers=workers, scheduler=scheduler, serial=serial,
+        threads=os.cpu_count() or 1, quiet=quiet or as_json,
+    )  # fmt: skip
+    result = run_study(load_study(source, overrides), out, effort)
+    if as_json:
+        click.echo(json.dumps(result.to_json(), indent=2, allow_nan=False))
+    else:
+        print_study(result)
