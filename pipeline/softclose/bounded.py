@@ -118,6 +118,11 @@ class Bounded:
         return replace(self, lower=offset + factor * self.lower, upper=offset + factor * self.upper)
 
 
+def portable(x: float) -> float:
+    """x to 12 digits: what the last bit of quadrature nodes (LAPACK) cannot change from one machine to another."""
+    return float(f"{x:.12g}")
+
+
 @functools.cache
 def _nodes(alpha: float, beta: float) -> tuple[FloatArray, FloatArray]:
     if alpha == 1.0 and beta == 1.0:

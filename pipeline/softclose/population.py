@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from softclose.bounded import Bounded, PopulationError
+from softclose.bounded import Bounded, PopulationError, portable
 from softclose.plate import A1, PLATE_AREA_UM2, mass, stiffness
 from softclose.plate import pull_in_voltage as pull_in_voltage
 
@@ -85,13 +85,13 @@ class Population:
 
     @property
     def mean_K(self) -> float:
-        """E[K] [N/m], exact: E and T are independent and Eq. 4 is linear in E."""
-        return self.T.expect(lambda t: stiffness(self.E.mean, t))
+        """E[K] [N/m]: E and T are independent and Eq. 4 is linear in E."""
+        return portable(self.T.expect(lambda t: stiffness(self.E.mean, t)))
 
     @property
     def mean_M(self) -> float:
         """E[M] [µg]."""
-        return self.T.expect(mass)
+        return portable(self.T.expect(mass))
 
     @property
     def mean_switch(self) -> FloatArray:

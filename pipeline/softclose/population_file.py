@@ -14,7 +14,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from softclose.bounded import Bounded, PopulationError
+from softclose.bounded import Bounded, PopulationError, portable
 from softclose.plate import A1, mass, stiffness
 from softclose.population import VARIABLES, Population
 
@@ -124,8 +124,7 @@ def _variable(v: str, table: Mapping[str, Any]) -> Bounded | float:
                 raise PopulationError("give either lower and upper, or nominal and half_width, not both")
             if "nominal" not in table:
                 return half
-            nominal = _number(table, "nominal")
-            return Bounded(lower=nominal * (1.0 - half), upper=nominal * (1.0 + half))
+            return _around(_number(table, "nominal"), half)
         lower, upper = _number(table, "lower"), _number(table, "upper")
         if ("mean" in table) == ("alpha" in table or "beta" in table):
             raise PopulationError("give either mean (and shape_sum), or alpha and beta")
@@ -152,31 +151,27 @@ def _solve_nominals(known: dict[str, Bounded], half_widths: Mapping[str, float],
         known["T"] = _thickness(half_widths["T"], _number(targets, "mean_M_ug"))
     if "E" in half_widths:
         half, target = half_widths["E"], _number(targets, "mean_K_N_per_m")
-        nominal = target / known["T"].expect(lambda t: stiffness(1.0, t))
-        known["E"] = Bounded(lower=nominal * (1.0 - half), upper=nominal * (1.0 + half))
+        known["E"] = _around(portable(target / known["T"].expect(lambda t: stiffness(1.0, t))), half)
 
 
 @functools.cache
 def _thickness(half: float, mean_mass_ug: float) -> Bounded:
     """Uniform T with E[M] as given. Bisection: M grows with T, and scipy.optimize would cost 0.2 s to import."""
-
-    def around(nominal: float) -> Bounded:
-        return Bounded(lower=nominal * (1.0 - half), upper=nominal * (1.0 + half))
-
     lo, hi = A1 / (1.0 - half), 100.0
-    if not around(lo).expect(mass) < mean_mass_ug < around(hi).expect(mass):
+    lightest, heaviest = _around(lo, half).expect(mass), _around(hi, half).expect(mass)
+    if not lightest < mean_mass_ug < heaviest:
         raise PopulationError(
-            f"targets.mean_M_ug is {mean_mass_ug:g}; with this half_width Eq. 6 gives "
-            f"{around(lo).expect(mass):.3g} to {around(hi).expect(mass):.3g} µg"
+            f"targets.mean_M_ug is {mean_mass_ug:g}; with this half_width Eq. 6 gives {lightest:.3g} to "
+            f"{heaviest:.3g} µg"
         )
-    while True:
+    while hi - lo > 1e-14 * hi:
         mid = 0.5 * (lo + hi)
-        if not lo < mid < hi:  # neighbouring floats: nothing left between them
-            return around(mid)
-        if around(mid).expect(mass) < mean_mass_ug:
-            lo = mid
-        else:
-            hi = mid
+        lo, hi = (mid, hi) if _around(mid, half).expect(mass) < mean_mass_ug else (lo, mid)
+    return _around(portable(hi), half)
+
+
+def _around(nominal: float, half: float) -> Bounded:
+    return Bounded(lower=nominal * (1.0 - half), upper=nominal * (1.0 + half))
 
 
 def write_population(population: Population, path: str | Path, comments: Iterable[str] = ()) -> None:

@@ -78,7 +78,7 @@ def test_the_largest_holding_voltage_may_lie_inside_the_range_of_travel() -> Non
 
 def test_baselines_on_the_ensemble_are_near_the_published_figures() -> None:
     population = load_population("current")
-    switches = population.sample(4000, seed=20)
+    switches = population.sample(2000, seed=20)
     step = assess(simulate(switches, unshaped()))
     assert step.v_u_cm_s == pytest.approx(40.7, abs=1.5)
     assert step.mean_cm_s == pytest.approx(34.1, abs=0.5)

@@ -37,7 +37,7 @@ def _made(speeds_cm_s: list[float], closed: list[bool] | None = None) -> Made:
 
 
 def test_eqs_7_to_10_on_ten_switches() -> None:
-    a = assess(_made([*range(1, 11)], [True] * 9 + [False]), limits_cm_s=(5.0, 8.5))  # type: ignore[list-item]
+    a = assess(_made([*range(1, 11)], [True] * 9 + [False]), limits_cm_s=(5.0, 8.5))
     assert a.v_u_cm_s == 9.0  # smallest speed that 90 % do not exceed
     assert a.p_nc == 0.1
     assert a.g_cm_s == pytest.approx(9.0 + 25.0 * 0.1)

@@ -21,7 +21,7 @@ from softclose.population import SAMPLINGS, VARIABLES, population_names, pull_in
 
 
 def test_the_deterministic_switch_has_the_printed_means() -> None:
-    np.testing.assert_allclose(load_population("current").mean_switch, [2.43, 3.68, 65.3, 3.41], rtol=1e-13)
+    np.testing.assert_allclose(load_population("current").mean_switch, [2.43, 3.68, 65.3, 3.41], rtol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -35,8 +35,8 @@ def test_nominal_thickness_and_modulus_follow_from_the_printed_means(
     assert population.T.mean == pytest.approx(thickness_um, abs=5e-4)
     assert population.E.mean == pytest.approx(modulus_GPa, abs=1e-3)
     assert population.T.upper / population.T.mean - 1.0 == pytest.approx(half_width)
-    assert population.mean_M == pytest.approx(3.41, rel=1e-12)
-    assert population.mean_K == pytest.approx(65.3, rel=1e-12)
+    assert population.mean_M == pytest.approx(3.41, rel=1e-11)
+    assert population.mean_K == pytest.approx(65.3, rel=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_another_process_draws_the_same_bits_and_loading_needs_no_scipy() -> Non
     env = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     there = subprocess.run([sys.executable, "-c", code], env=env, check=True, capture_output=True, text=True).stdout
     population = load_population("current")
-    here = [population.sample(33, seed=9, sampling=s).tobytes().hex() for s in ("monte-carlo", "sobol")]  # type: ignore[arg-type]
+    here = [population.sample(33, seed=9, sampling=s).tobytes().hex() for s in ("monte-carlo", "sobol")]
     assert there.strip() == str(here)
 
 
