@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from typing import Any
 
 import click
 
 from softclose import __version__
-from softclose_workflows.commands import certify, rescore, resume, run, status, study
 from softclose_workflows.errors import EXIT_BAD_INPUT, EXIT_STOPPED, Stopped
 
 EPILOG = """\b
@@ -32,6 +32,7 @@ class Group(click.Group):
         try:
             return super().invoke(ctx)
         except Stopped as e:
+            _trace(ctx)
             _say(f"stopped: {e}")
             if store := ctx.meta.get("softclose.store"):
                 _say(f"nothing committed is lost; continue with: softclose resume {store}")
@@ -39,8 +40,17 @@ class Group(click.Group):
         except ValueError as e:
             if type(e).__module__.partition(".")[0] not in ("softclose", "softclose_store", "softclose_workflows"):
                 raise
+            _trace(ctx)
             _say(str(e))
             ctx.exit(EXIT_BAD_INPUT)
+
+
+def _trace(ctx: click.Context) -> None:
+    """With --verbose: where the error came from."""
+    if ctx.params.get("verbose"):
+        import traceback
+
+        click.echo(traceback.format_exc(), nl=False, err=True)
 
 
 def _say(message: str) -> None:
@@ -49,12 +59,29 @@ def _say(message: str) -> None:
 
 @click.group(cls=Group, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="softclose")
-def main() -> None:
+@click.option("--verbose", "-v", is_flag=True, help="Log what happens, and show where an error came from.")
+def main(verbose: bool) -> None:
     """Design the drive-voltage pulses that close a whole production lot of MEMS switches softly."""
+    if verbose:
+        import logging
+
+        logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s: %(message)s")
     # A pipe closed early (| head) is no fault of ours; numbers print as UTF-8 wherever we are.
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="replace")
 
 
-for _command in (run.run, resume.resume, status.status, certify.certify, rescore.rescore, study.study):
-    main.add_command(_command)
+COMMANDS = (
+    "certify",
+    "completion",
+    "export",
+    "rescore",
+    "resume",
+    "run",
+    "status",
+    "study",
+)
+"""Modules of `commands`; each holds a command of its own name."""
+
+for _name in COMMANDS:
+    main.add_command(getattr(importlib.import_module(f"softclose_workflows.commands.{_name}"), _name))

@@ -8,12 +8,25 @@ import click
 
 
 @click.command(
-    epilog="\b\nExamples:\n  softclose status runs/a.zarr\n  softclose status runs/a.zarr --json | jq .best.g_cm_s"
+    epilog="\b\nExamples:\n  softclose status runs/a.zarr\n  softclose status runs/a.zarr --watch\n"
+    "  softclose status runs/a.zarr --json | jq .best.g_cm_s"
 )
 @click.argument("store", metavar="STORE")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
-def status(store: str, as_json: bool) -> None:
-    """Say where the campaign in STORE stands, also while it is being written."""
+@click.option("--watch", is_flag=True, help="Live view until the campaign is finished or Ctrl-C; no terminal: lines.")
+@click.option("--interval", type=click.FloatRange(min=0.05), default=1.0, show_default=True, metavar="S",
+              help="With --watch: seconds between looks at the store.")  # fmt: skip
+def status(store: str, as_json: bool, watch: bool, interval: float) -> None:
+    """Say where the campaign in STORE stands, also while it is being written, here or elsewhere."""
+    if watch:
+        if as_json:
+            raise click.UsageError("--json and --watch exclude each other; scripts call `status --json` again")
+        from rich.console import Console
+
+        from softclose_workflows.watch import watch as show
+
+        show(store, interval, Console())
+        return
     from softclose_workflows.standing import read_standing
 
     standing = read_standing(store)

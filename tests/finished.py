@@ -1,0 +1,28 @@
+"""Owns one small finished campaign that the tests of exports, scripts and documentation read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from softclose.config import load_config
+from softclose_store import DriverStore
+from softclose_workflows.campaign import Campaign
+from softclose_workflows.drive import create_store
+from softclose_workflows.executors import SerialExecutor
+from softclose_workflows.presets import find_preset
+
+SETTINGS = (
+    "campaign.budget=12",
+    "population.n_switches=200",
+    "store.n_times=251",
+    "store.max_impacts=8",
+    "optimiser.n_initial=10",
+)
+
+
+def make_finished(path: Path, *settings: str) -> Path:
+    """Run the small campaign in this process, without Dask; returns path."""
+    create_store(load_config(find_preset("current"), (*SETTINGS, *settings)), str(path))
+    with DriverStore(path) as store:
+        Campaign(store, SerialExecutor()).run()
+    return path

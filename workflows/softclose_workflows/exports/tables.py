@@ -1,0 +1,111 @@
+"""Owns tables: the history of a campaign and the ensemble of a candidate, as labelled xarray data sets and as files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softclose_store import Campaign
+from softclose_store.layout import CANDIDATE_ARRAYS, POPULATION, SWITCH_ARRAYS
+from softclose_workflows.exports.files import ExportError, whole_file
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FORMATS = ("csv", "parquet", "netcdf")
+NEEDS = {"parquet": "pyarrow", "netcdf": "netCDF4"}
+"""Package that a format needs beyond Softclose's own."""
+
+
+def history_dataset(campaign: Campaign) -> xr.Dataset:
+    """One entry per committed candidate: dimension candidate, one variable per column of `Campaign.history`."""
+    import pandas as pd
+    import xarray as xr
+
+    table = campaign.history()
+    assert isinstance(table, pd.DataFrame)  # xarray brings pandas
+    units = {s.name: (s.unit, s.long_name) for s in CANDIDATE_ARRAYS}
+    variables = {}
+    for name in table.columns:
+        values = table[name].to_numpy()
+        attributes = dict(zip(("units", "long_name"), units.get(str(name), _pulse_unit(str(name))), strict=True))
+        variables[str(name)] = ("candidate", values, attributes)
+    return xr.Dataset(variables, coords={"candidate": np.arange(len(table))}, attrs=_provenance(campaign))
+
+
+def _pulse_unit(column: str) -> tuple[str, str]:
+    if column.startswith("pulse"):
+        return ("V" if column.endswith("volts") else "µs"), "one parameter of one pulse; a peak of inf holds"
+    return "1", ""
+
+
+def ensemble_dataset(campaign: Campaign, candidate: int, *, trajectories: bool = False) -> xr.Dataset:
+    """One entry per switch of one candidate: its properties and its response; with `trajectories` x and v over time.
+
+    Dimensions: switch, and impact and time where they are stored and asked for.
+    """
+    import xarray as xr
+
+    responses = campaign.responses(candidate)
+    n = responses.closed.size
+    stored = {s.name: s for s in SWITCH_ARRAYS}
+    fields = {"first_contact": "first_contact_us", "settling": "settling_us"}
+    variables: dict[str, Any] = {
+        name: ("switch", values[:n], {"units": POPULATION[name][1], "long_name": POPULATION[name][0]})
+        for name, values in campaign.population().items()
+    }
+    for name, spec in stored.items():
+        if spec.dims == ("candidate", "switch"):
+            values = np.asarray(getattr(responses, fields.get(name, name)))
+            variables[name] = ("switch", values, {"units": spec.unit, "long_name": spec.long_name})
+    coords: dict[str, Any] = {"switch": np.arange(n)}
+    if trajectories:
+        path = campaign.trajectories(candidate)
+        coords["time"] = ("time", path.times_us, {"units": "µs"})
+        for name, rows in (("x", path.x), ("v", path.v)):
+            spec = stored[name]
+            variables[name] = (("switch", "time"), rows[...], {"units": spec.unit, "long_name": spec.long_name})
+        if responses.impact_time_us is not None and responses.impact_speed is not None:
+            for name, rows in (("impact_time", responses.impact_time_us), ("impact_speed", responses.impact_speed)):
+                spec = stored[name]
+                variables[name] = (("switch", "impact"), rows[...], {"units": spec.unit, "long_name": spec.long_name})
+    attributes = _provenance(campaign) | {
+        "candidate": candidate,
+        "waveform": json.dumps([[_plain(v) for v in row] for row in campaign.waveform(candidate)]),
+    }
+    return xr.Dataset(variables, coords=coords, attrs=attributes)
+
+
+def _plain(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _provenance(campaign: Campaign) -> dict[str, Any]:
+    return {"fingerprint": campaign.fingerprint, "config": json.dumps(campaign.config, sort_keys=True)}
+
+
+def write_dataset(dataset: xr.Dataset, target: Path, form: str) -> None:
+    """Write csv or parquet (one row per entry of the first dimension) or netcdf. Raises ExportError."""
+    package = NEEDS.get(form)
+    if package is not None:
+        try:
+            __import__(package)
+        except ImportError as e:
+            raise ExportError(f"{form} needs {package}: pip install 'softclose[export]'") from e
+    if form != "netcdf" and len(dataset.sizes) > 1:
+        raise ExportError(f"x(t), v(t) and impacts have two dimensions, which {form} has not; use --format netcdf")
+    with whole_file(target) as partial:
+        if form == "netcdf":
+            dataset.to_netcdf(partial, engine="netcdf4", encoding=_encoding(dataset))
+        elif form == "parquet":
+            dataset.to_dataframe().to_parquet(partial)
+        else:
+            dataset.to_dataframe().to_csv(partial, lineterminator="\n")
+
+
+def _encoding(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """Lossless compression of what is large."""
+    return {str(name): {"zlib": True, "complevel": 4, "shuffle": True} for name, v in dataset.items() if v.ndim > 1}
