@@ -31,7 +31,7 @@ def another_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def require(program: str) -> str:
-    """The path of a system program. Without it the test is skipped by name; where SOFTCLOSE_REQUIRE_ALL is set it fails."""
+    """The path of a system program. Without it the test is skipped; with SOFTCLOSE_REQUIRE_ALL it fails."""
     found = shutil.which(program)
     if found is not None:
         return found

@@ -14,11 +14,12 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner, Result
+
 from softclose import __version__
 from softclose_workflows.cli import main
 
-HEAVY = ("dask", "distributed", "matplotlib", "numba", "numpy", "pandas", "pydantic", "rich", "scipy", "skopt", "sklearn",
-         "xarray", "zarr")  # fmt: skip
+HEAVY = ["dask", "distributed", "matplotlib", "numba", "numpy", "pandas", "pydantic", "rich", "scipy"]
+HEAVY += ["skopt", "sklearn", "xarray", "zarr"]
 
 
 def softclose(*arguments: str) -> Result:

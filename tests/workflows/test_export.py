@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softclose.waveform import Pulse, Waveform
 from softclose_store import open_campaign
 from softclose_workflows.cli import main

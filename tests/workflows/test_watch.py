@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from rich.console import Console
+
 from softclose_store import DriverStore
 from softclose_workflows import watch
 from softclose_workflows.cli import main
-
 from store.small import create, run
 
 
@@ -37,14 +37,13 @@ def small(path: Path, until: int) -> None:
 def test_watching_follows_another_process_and_ends_when_it_has_finished(tmp_path: Path) -> None:
     path = tmp_path / "a.zarr"
     small(path, 1)
-    seen = []
+    upto = iter((2, 3, 4))
 
     def go_on(_: float) -> None:
         """Stands for the time that the other process uses."""
-        run(path, len(seen) + 1)
+        run(path, next(upto))
 
-    for view in watch.views(str(path), 1.0, go_on):
-        seen.append((view.committed, view.finished))
+    seen = [(view.committed, view.finished) for view in watch.views(str(path), 1.0, go_on)]
     assert seen == [(1, False), (2, False), (3, False), (4, True)]
 
 

@@ -52,7 +52,7 @@ class View:
 def pace(committed_at_s: Any, n_switches: Any, n_left: int) -> tuple[float, float]:
     """(switches per second, seconds left) from the instants of the last commits and the sizes of their ensembles.
 
-    Both (n,), the oldest first. A pause between two runs lies in at most one of the gaps, so gaps count by their median.
+    Both (n,), the oldest first. A pause between two runs lies in one of the gaps, so gaps count by their median.
     """
     at, sizes = np.asarray(committed_at_s, dtype=float)[-RECENT:], np.asarray(n_switches, dtype=float)[-RECENT:]
     gaps = np.diff(at)
@@ -88,8 +88,8 @@ def _best(campaign: Campaign) -> str:
     best = campaign.best()
     if best is None:
         return "none yet"
-    ends = (float(best.record[name]) for name in ("g_lower_cm_s", "g_upper_cm_s"))
-    return f"{with_interval(best.g_cm_s, *ends)} cm/s, candidate {best.candidate}"
+    lower, upper = float(best.record["g_lower_cm_s"]), float(best.record["g_upper_cm_s"])
+    return f"{with_interval(best.g_cm_s, lower, upper)} cm/s, candidate {best.candidate}"
 
 
 def one_line(view: View) -> str:

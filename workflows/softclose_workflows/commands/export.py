@@ -55,7 +55,6 @@ def export(ctx: click.Context, store: str) -> None:
     "  softclose export runs/a.zarr waveform --format pwl -o drive.cir\n"
     "  softclose export runs/a.zarr waveform --format dac --bits 14 --full-scale 200 -o drive.txt"
 )
-# fmt: off
 @click.option(
     "--format",
     "form",
@@ -97,7 +96,6 @@ def export(ctx: click.Context, store: str) -> None:
     show_default=True,
     help="dac: lines beginning with # before the codes; FILE.json says the same in any case.",
 )
-# fmt: on
 @output_option
 @click.pass_obj
 def waveform(store: str, /, form: str, candidate: int | None, output: Path | None, **settings: Any) -> None:

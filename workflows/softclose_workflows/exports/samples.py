@@ -66,7 +66,7 @@ class Scale:
         return self.full_scale_V / self.max_code
 
     def encode(self, volts: FloatArray) -> NDArray[np.int64]:
-        """The nearest codes, (n,) int64, within half of `volts_per_code`. Raises ExportError where one is out of range."""
+        """The nearest codes, (n,) int64, within half of `volts_per_code`. Raises ExportError above full scale."""
         codes: NDArray[np.int64] = np.rint(volts / self.volts_per_code).astype(np.int64)
         if codes.max() > self.max_code:
             raise ExportError(

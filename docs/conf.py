@@ -1,0 +1,38 @@
+"""Sphinx configuration. The reference pages are generated from the code before each build."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+for folder in ("pipeline", "store", "workflows", "docs"):
+    sys.path.insert(0, str(HERE.parent / folder))
+
+from mathml import add_mathml  # noqa: E402 - after the path
+from reference_pages import write_reference  # noqa: E402
+
+from softclose import __version__  # noqa: E402
+
+write_reference(HERE / "reference")
+
+project = "Softclose"
+author = "The Softclose founders"
+copyright = "2026, The Softclose founders"
+version = release = __version__
+
+extensions = ["myst_parser"]
+myst_enable_extensions = ["deflist", "dollarmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build", "results"]
+suppress_warnings: list[str] = []
+
+html_theme = "furo"
+html_title = "Softclose"
+html_static_path = ["_static"]
+html_theme_options = {"source_directory": "docs/"}
+pygments_style = "friendly"
+pygments_dark_style = "monokai"
+
+
+def setup(app):
+    """Equations as MathML: no network and no script when a page is read."""
+    add_mathml(app)

@@ -1,0 +1,224 @@
+"""Owns the generated reference: command line, configuration, store schema and Python interface, as Markdown.
+
+Everything comes from the code that it describes: click's commands, the fields of the configuration with their docstrings,
+the table of arrays, the public names. A page can be incomplete only where the code says nothing.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import importlib
+import inspect
+import re
+import textwrap
+import typing
+from pathlib import Path
+from typing import Any
+
+import click
+
+GENERATED = "<!-- Generated from the code by docs/reference_pages.py; changes here are lost. -->\n\n"
+
+
+def write_reference(folder: Path) -> None:
+    """Write the generated pages; leaves files alone that are the same already."""
+    folder.mkdir(exist_ok=True)
+    pages = {"cli": cli_page, "configuration": configuration_page, "schema": schema_page, "api": api_page}
+    for name, page in pages.items():
+        text, target = GENERATED + page(), folder / f"{name}.md"
+        if not target.exists() or target.read_text(encoding="utf-8") != text:
+            target.write_text(text, encoding="utf-8")
+
+
+def escaped(text: str) -> str:
+    """Plain text as Markdown: only `code` keeps its meaning."""
+    parts = re.split(r"(`[^`]+`)", text)
+    return "".join(p if len(p) > 1 and p.startswith("`") else re.sub(r"([\\*_\[\]<>|$#{}])", r"\\\1", p) for p in parts)
+
+
+def cell(text: str) -> str:
+    """Text inside a table."""
+    return escaped(" ".join(text.split()))
+
+
+def paragraphs(docstring: str | None) -> str:
+    """A docstring as Markdown paragraphs."""
+    return "\n\n".join(cell(p) for p in re.split(r"\n\s*\n", inspect.cleandoc(docstring or "")))
+
+
+def cli_page() -> str:
+    """Every command: usage, what it does, arguments and options, examples."""
+    from softclose_workflows.cli import main
+
+    lines = ["# Command line", ""]
+    _command(main, ("softclose",), lines)
+    return "\n".join(lines) + "\n"
+
+
+def _command(command: click.Command, path: tuple[str, ...], lines: list[str]) -> None:
+    context = click.Context(command, info_name=" ".join(path), help_option_names=["-h", "--help"])
+    usage = " ".join(command.collect_usage_pieces(context))
+    lines += [f"## `{' '.join(path)}`", "", "```text", f"{' '.join(path)} {usage}", "```", "", paragraphs(command.help), ""]
+    rows = [row for p in command.get_params(context) if (row := p.get_help_record(context)) is not None]
+    if rows:
+        lines += ["| option | meaning |", "| --- | --- |"]
+        lines += [f"| `{option.replace('|', chr(92) + '|')}` | {cell(meaning)} |" for option, meaning in rows] + [""]
+    if command.epilog:
+        lines += ["```text", inspect.cleandoc(command.epilog).replace("\b\n", "").strip(), "```", ""]
+    if isinstance(command, click.Group):
+        arguments = tuple(p.make_metavar(context) for p in command.params if isinstance(p, click.Argument))
+        for name, sub in sorted(command.commands.items()):
+            _command(sub, (*path, *arguments, name), lines)
+
+
+def field_docs(cls: type) -> dict[str, str]:
+    """The strings below the fields of a class, its bases included, by field."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        try:
+            tree = ast.parse(textwrap.dedent(inspect.getsource(base)))
+        except (OSError, TypeError, SyntaxError):
+            continue
+        body = typing.cast(ast.ClassDef, tree.body[0]).body
+        for field, after in zip(body, body[1:], strict=False):
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(after, ast.Expr):
+                if isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+                    found[field.target.id] = after.value.value
+    return found
+
+
+def configuration_page() -> str:
+    """Every key of a campaign's TOML file: type, default, meaning."""
+    from softclose import config
+
+    lines = [
+        "# Configuration",
+        "",
+        "A campaign is one TOML file, or a shipped preset; `--set section.key=value` overrides single keys. Every value is "
+        "checked before any work starts, and unknown keys are refused. All keys are part of the campaign's identity.",
+        "",
+    ]
+    known = config.known_keys()
+    hints = typing.get_type_hints(config.CampaignConfig)
+    for section in known:
+        cls = hints[section]
+        source = _annotations(cls)
+        docs = field_docs(cls)
+        lines += [f"## `[{section}]`", "", paragraphs(cls.__doc__), "", "| key | type | default | meaning |",
+                  "| --- | --- | --- | --- |"]  # fmt: skip
+        for field in dataclasses.fields(cls):
+            default = toml_value(field.default)
+            lines.append(
+                f"| `{section}.{field.name}` | {cell(kind(source[field.name]))} | {default} | {cell(docs.get(field.name, ''))} |"
+            )
+        lines.append("")
+    return "\n".join(lines) + "\n"
+
+
+def _annotations(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls, include_extras=True)
+
+
+def toml_value(value: Any) -> str:
+    """A default as TOML would write it."""
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, str):
+        return f'`"{value}"`'
+    return f"`{list(value) if isinstance(value, tuple) else value}`"
+
+
+def kind(annotation: Any) -> str:
+    """A type and its limits in words."""
+    limits = ""
+    if typing.get_origin(annotation) is typing.Annotated:
+        annotation, *extras = typing.get_args(annotation)
+        words = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+        bounds = [f"{words[n]} {getattr(m, n):g}" for e in extras for m in getattr(e, "metadata", ()) for n in words
+                  if hasattr(m, n)]  # fmt: skip
+        limits = ", ".join([""] + bounds).replace("9.22337e+18", "2^63")
+    if typing.get_origin(annotation) is typing.Literal:
+        return "one of " + ", ".join(f"`{v}`" for v in typing.get_args(annotation))
+    if typing.get_origin(annotation) is tuple:
+        return "list"
+    names = {int: "integer", float: "number", str: "text", bool: "true or false"}
+    return names.get(annotation, str(annotation)) + limits
+
+
+def schema_page() -> str:
+    """Every array of a store: dimensions, type, unit, meaning, who writes it."""
+    from softclose_store import layout
+
+    lines = [
+        "# Store schema",
+        "",
+        f"Schema version {layout.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy; the arrays lie at its root, with "
+        "named dimensions and `units` in their attributes. Lengths along `candidate` are those of the committed candidates.",
+        "",
+        "The roles say who writes what: *switch* arrays come from the workers, chunk by chunk; *proposal* and *record* arrays "
+        "from the driver, before and after the chunks; *wall* arrays hold timings, the only values that two runs of one "
+        "campaign do not share; *digest* and *marker* arrays hold the checksums that `verify` compares.",
+        "",
+        "## The ensemble",
+        "",
+        "| array | dimensions | type | unit | meaning |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, (meaning, unit) in layout.POPULATION.items():
+        lines.append(f"| `{name}` | switch | f8 | {cell(unit)} | {cell(meaning)} |")
+    for title, specs in (
+        ("Per switch", layout.SWITCH_ARRAYS),
+        ("Per candidate", layout.CANDIDATE_ARRAYS),
+        ("Markers", (layout.MARKER,)),
+    ):
+        lines += ["", f"## {title}", "", "| array | dimensions | type | unit | role | meaning |", "| --- | --- | --- | --- | --- | --- |"]
+        lines += [
+            f"| `{s.name}` | {', '.join(s.dims)} | {s.dtype} | {cell(s.unit)} | {s.role} | {cell(s.long_name)} |"
+            for s in specs
+        ]
+    return "\n".join(lines) + "\n"
+
+
+MODULES = {
+    "softclose": "The science: simulate ensembles, assess waveforms, describe populations.",
+    "softclose_store": "The store: read campaigns; create and drive them.",
+}
+
+
+def api_page() -> str:
+    """Every public name of the two libraries: signature, docstring, fields."""
+    lines = ["# Python interface", ""]
+    for module_name, purpose in MODULES.items():
+        module = importlib.import_module(module_name)
+        lines += [f"## {module_name}", "", purpose, ""]
+        for name in module.__all__:
+            if not name.startswith("__"):
+                _public(f"{module_name}.{name}", getattr(module, name), lines)
+    return "\n".join(lines) + "\n"
+
+
+def _public(name: str, value: Any, lines: list[str]) -> None:
+    if inspect.isclass(value):
+        lines += [f"### `{name}`", "", paragraphs(value.__doc__), ""]
+        docs = field_docs(value)
+        lines += [f"- `{field}`: {cell(text)}" for field, text in docs.items() if not field.startswith("_")] + [""]
+        for member, found in vars(value).items():
+            if member.startswith("_") or member in docs:
+                continue
+            found = found.__func__ if isinstance(found, classmethod | staticmethod) else found
+            if isinstance(found, property):
+                lines += [f"- `{member}` (property): {cell(found.__doc__ or '')}"]
+            elif inspect.isfunction(found):
+                lines += [f"- `{member}{_signature(found)}`: {cell(found.__doc__ or '')}"]
+        lines.append("")
+    elif callable(value):
+        lines += [f"### `{name}`", "", "```text", f"{name.rpartition('.')[2]}{_signature(value)}", "```", "",
+                  paragraphs(value.__doc__), ""]  # fmt: skip
+    else:
+        lines += [f"### `{name}`", "", f"`{value!r}`", ""]
+
+
+def _signature(function: Any) -> str:
+    text = str(inspect.signature(function)).replace("'", "")
+    return re.sub(r"\b(?:np|numpy|typing|collections\.abc)\.", "", text)
