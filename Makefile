@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: help env env-test env-lint run test lint torture clean
+.PHONY: help env env-test env-lint run test lint docs torture clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/'
@@ -33,9 +33,14 @@ $(VENV)/.installed-lint: $(VENV)/.installed-test
 	$(INSTALL) --editable '.[lint]'
 	@touch $@
 
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(INSTALL) --editable '.[docs]'
+	@touch $@
+
 env: $(VENV)/.installed  ## create .venv and install Softclose into it
 env-test: $(VENV)/.installed-test
 env-lint: $(VENV)/.installed-lint
+env-docs: $(VENV)/.installed-docs
 
 run: env  ## the main job: design a waveform for the current design (STORE=..., WORKERS=...)
 	$(BIN)/softclose run current --store $(STORE) --workers $(WORKERS)
@@ -48,6 +53,10 @@ lint: env-lint  ## style, types and the direction of imports
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as errors
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+	@echo docs/_build/html/index.html
 
 torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
 	PYTHONPATH=tests $(BIN)/python -m torture --rounds 200

@@ -1,4 +1,4 @@
-"""Owns equations in the HTML pages: LaTeX to MathML when the site is built, so that pages need no network to be read."""
+"""Owns equations in the HTML pages: LaTeX to MathML when the site is built: pages need no network to be read."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Owns the generated reference: command line, configuration, store schema and Python interface, as Markdown.
 
-Everything comes from the code that it describes: click's commands, the fields of the configuration with their docstrings,
+Everything comes from the code that it describes: click's commands, the configuration's fields with their docstrings,
 the table of arrays, the public names. A page can be incomplete only where the code says nothing.
 """
 
@@ -10,6 +10,7 @@ import ast
 import dataclasses
 import importlib
 import inspect
+import itertools
 import re
 import textwrap
 import typing
@@ -59,7 +60,16 @@ def cli_page() -> str:
 def _command(command: click.Command, path: tuple[str, ...], lines: list[str]) -> None:
     context = click.Context(command, info_name=" ".join(path), help_option_names=["-h", "--help"])
     usage = " ".join(command.collect_usage_pieces(context))
-    lines += [f"## `{' '.join(path)}`", "", "```text", f"{' '.join(path)} {usage}", "```", "", paragraphs(command.help), ""]
+    lines += [
+        f"## `{' '.join(path)}`",
+        "",
+        "```text",
+        f"{' '.join(path)} {usage}",
+        "```",
+        "",
+        paragraphs(command.help),
+        "",
+    ]
     rows = [row for p in command.get_params(context) if (row := p.get_help_record(context)) is not None]
     if rows:
         lines += ["| option | meaning |", "| --- | --- |"]
@@ -81,10 +91,10 @@ def field_docs(cls: type) -> dict[str, str]:
         except (OSError, TypeError, SyntaxError):
             continue
         body = typing.cast(ast.ClassDef, tree.body[0]).body
-        for field, after in zip(body, body[1:], strict=False):
-            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(after, ast.Expr):
-                if isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
-                    found[field.target.id] = after.value.value
+        for field, after in itertools.pairwise(body):
+            named = isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+            if named and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+                found[typing.cast(Any, field).target.id] = str(after.value.value)
     return found
 
 
@@ -95,8 +105,9 @@ def configuration_page() -> str:
     lines = [
         "# Configuration",
         "",
-        "A campaign is one TOML file, or a shipped preset; `--set section.key=value` overrides single keys. Every value is "
-        "checked before any work starts, and unknown keys are refused. All keys are part of the campaign's identity.",
+        "A campaign is one TOML file, or a shipped preset; `--set section.key=value` overrides single keys. Every "
+        "value is checked before any work starts, and unknown keys are refused. All keys are part of the campaign's "
+        "identity.",
         "",
     ]
     known = config.known_keys()
@@ -108,10 +119,8 @@ def configuration_page() -> str:
         lines += [f"## `[{section}]`", "", paragraphs(cls.__doc__), "", "| key | type | default | meaning |",
                   "| --- | --- | --- | --- |"]  # fmt: skip
         for field in dataclasses.fields(cls):
-            default = toml_value(field.default)
-            lines.append(
-                f"| `{section}.{field.name}` | {cell(kind(source[field.name]))} | {default} | {cell(docs.get(field.name, ''))} |"
-            )
+            columns = f"`{section}.{field.name}`", cell(kind(source[field.name])), toml_value(field.default)
+            lines.append(f"| {' | '.join(columns)} | {cell(docs.get(field.name, ''))} |")
         lines.append("")
     return "\n".join(lines) + "\n"
 
@@ -137,7 +146,7 @@ def kind(annotation: Any) -> str:
         words = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
         bounds = [f"{words[n]} {getattr(m, n):g}" for e in extras for m in getattr(e, "metadata", ()) for n in words
                   if hasattr(m, n)]  # fmt: skip
-        limits = ", ".join([""] + bounds).replace("9.22337e+18", "2^63")
+        limits = ", ".join(["", *bounds]).replace("9.22337e+18", "2^63")
     if typing.get_origin(annotation) is typing.Literal:
         return "one of " + ", ".join(f"`{v}`" for v in typing.get_args(annotation))
     if typing.get_origin(annotation) is tuple:
@@ -153,12 +162,13 @@ def schema_page() -> str:
     lines = [
         "# Store schema",
         "",
-        f"Schema version {layout.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy; the arrays lie at its root, with "
-        "named dimensions and `units` in their attributes. Lengths along `candidate` are those of the committed candidates.",
+        f"Schema version {layout.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy; the arrays lie at its root, "
+        "with named dimensions and `units` in their attributes. Lengths along `candidate` are those of the committed "
+        "candidates.",
         "",
-        "The roles say who writes what: *switch* arrays come from the workers, chunk by chunk; *proposal* and *record* arrays "
-        "from the driver, before and after the chunks; *wall* arrays hold timings, the only values that two runs of one "
-        "campaign do not share; *digest* and *marker* arrays hold the checksums that `verify` compares.",
+        "The roles say who writes what: *switch* arrays come from the workers, chunk by chunk; *proposal* and *record* "
+        "arrays from the driver, before and after the chunks; *wall* arrays hold timings, the only values that two "
+        "runs of one campaign do not share; *digest* and *marker* arrays hold the checksums that `verify` compares.",
         "",
         "## The ensemble",
         "",
@@ -172,7 +182,13 @@ def schema_page() -> str:
         ("Per candidate", layout.CANDIDATE_ARRAYS),
         ("Markers", (layout.MARKER,)),
     ):
-        lines += ["", f"## {title}", "", "| array | dimensions | type | unit | role | meaning |", "| --- | --- | --- | --- | --- | --- |"]
+        lines += [
+            "",
+            f"## {title}",
+            "",
+            "| array | dimensions | type | unit | role | meaning |",
+            "| --- | --- | --- | --- | --- | --- |",
+        ]
         lines += [
             f"| `{s.name}` | {', '.join(s.dims)} | {s.dtype} | {cell(s.unit)} | {s.role} | {cell(s.long_name)} |"
             for s in specs

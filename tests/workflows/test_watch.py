@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
+from small_store import create, run
 from softclose_store import DriverStore
 from softclose_workflows import watch
 from softclose_workflows.cli import main
-from store.small import create, run
 
 
 def test_pace_is_the_median_gap_so_a_pause_between_runs_does_not_count() -> None:
