@@ -7,17 +7,17 @@ Candidates commit in index order. Nothing outside the store carries state from o
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from softclose.config import CampaignConfig
-from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine
-from softclose.waveform import Waveform, WaveformError
+from softclose.propose.protocol import Observation, Problem, Proposal
 from softclose_store import DriverStore
 from softclose_workflows import records
 from softclose_workflows.errors import ChunkFailure, Stopped
 from softclose_workflows.executors import Executor
+from softclose_workflows.proposals import Proposer
 from softclose_workflows.stopping import StopRequest
 from softclose_workflows.tasks import ChunkTask, chunk_task
 
@@ -65,8 +65,7 @@ class Campaign:
         self._executor = executor
         self._stop = stop if stop is not None else StopRequest()
         self._listener = listener
-        self._problem = Problem(self.config)
-        self._engines: dict[str, Engine] = {}
+        self._proposer = Proposer(Problem(self.config))
         self._history: list[Observation] = records.observations(store.records())
         self._flights: dict[int, Flight] = {}
         self._n_switches_done = 0
@@ -96,11 +95,10 @@ class Campaign:
         started = time.monotonic()
         stored = self._store.proposal(i)
         if stored is None:
-            lag = self.config.campaign.lag
-            seen = self._history[: max(i - lag + 1, 0)]
+            seen = self._history[: max(i - self.config.campaign.lag + 1, 0)]
             unseen = [o.waveform for o in self._history[len(seen) :]]
-            pending = unseen + [self._flights[j].proposal.waveform for j in sorted(self._flights)]
-            proposal = self._ask(i, seen, pending)
+            unseen += [self._flights[j].proposal.waveform for j in sorted(self._flights)]
+            proposal = self._proposer.propose(i, seen, unseen)
             self._store.propose(i, records.proposal_record(proposal))
             stored = self._store.proposal(i)
             assert stored is not None
@@ -113,31 +111,6 @@ class Campaign:
             missing={chunk for chunk, is_done in enumerate(done) if not is_done},
             wall_propose_s=time.monotonic() - started,
         )
-
-    def _ask(self, i: int, history: Sequence[Observation], pending: Sequence[Waveform]) -> Proposal:
-        """The user's own waveforms first, then the engine, then the finishing stage; a fallback where these fail."""
-        config = self.config
-        initial = config.waveform.initial_waveforms()
-        if i < len(initial):
-            return Proposal(
-                waveform=initial[i], origin="initial", n_switches=config.population.n_switches, surrogate={}
-            )
-        name = config.optimiser.engine if i < config.campaign.budget else "finish"
-        try:
-            proposal = self._engine(name).propose(self._problem, i, history, pending)
-            proposal.waveform.check(config.waveform.max_volts, config.model.horizon_us)
-        except (ArithmeticError, ValueError, RuntimeError, WaveformError) as e:
-            fallback = self._engine("sobol").propose(self._problem, i, history, pending)
-            return Proposal(
-                waveform=fallback.waveform, origin=f"fallback: {fallback.origin}", n_switches=fallback.n_switches,
-                surrogate={}, note=f"engine {name} failed with {type(e).__name__}: {e}",
-            )  # fmt: skip
-        return proposal
-
-    def _engine(self, name: str) -> Engine:
-        if name not in self._engines:
-            self._engines[name] = load_engine(name)
-        return self._engines[name]
 
     def _task(self, i: int, chunk: int) -> ChunkTask:
         flight = self._flights[i]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import getpass
 import os
 import platform
@@ -17,9 +18,9 @@ from softclose import __version__
 from softclose.config import CampaignConfig
 from softclose.spaces import SPACES
 from softclose.waveform import FloatArray
-from softclose_store import DriverStore, Layout, StoreError, create_campaign
+from softclose_store import DriverStore, Layout, StoreError, create_campaign, store_state
 from softclose_workflows.campaign import Campaign
-from softclose_workflows.executors import open_executor
+from softclose_workflows.executors import Placement, open_executor
 from softclose_workflows.progress import show_progress
 from softclose_workflows.stopping import stop_on_signals
 from softclose_workflows.tasks import times_us
@@ -101,17 +102,32 @@ def _processor() -> str:
 
 
 def drive(
-    path: str, *, workers: int | None, scheduler: str | None, serial: bool, break_lock: bool, quiet: bool
+    path: str,
+    placement: Placement,
+    *,
+    config: CampaignConfig | None = None,
+    break_lock: bool = False,
+    quiet: bool = False,
 ) -> None:
-    """Run the campaign in the store to its end and print the result."""
+    """Run the campaign in the store to its end and print the result.
+
+    config: create the store first where there is none. Nothing is written before the executor has started.
+    """
     from softclose_workflows.result import print_result
 
-    with stop_on_signals() as stop, DriverStore(path, break_lock=break_lock) as store:
-        if store.n_committed < CampaignConfig.from_dict(store.config).total_budget:
-            with open_executor(workers, scheduler, serial=serial) as executor:
-                store.note_run(runtime())
-                if executor.dashboard and not quiet:
-                    click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
-                with show_progress(quiet=quiet or not sys.stderr.isatty()) as listener:
-                    Campaign(store, executor, stop=stop, listener=listener).run()
+    with stop_on_signals() as stop, contextlib.ExitStack() as stack:
+        state = store_state(path)
+        is_new = state.kind in ("absent", "unfinished")
+        if config is not None and not is_new:
+            create_store(config, path)  # refuses whatever is not this very campaign
+        if not state.finished:
+            executor = stack.enter_context(open_executor(placement))
+            if config is not None and is_new:
+                create_store(config, path)
+            store = stack.enter_context(DriverStore(path, break_lock=break_lock))
+            store.note_run(runtime())
+            if executor.dashboard and not quiet:
+                click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
+            listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
+            Campaign(store, executor, stop=stop, listener=listener).run()
     print_result(path)

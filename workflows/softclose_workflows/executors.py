@@ -13,6 +13,7 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from softclose_workflows.errors import ChunkFailure, ExecutorError, Stopped
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 MAX_TRIES = 3
 """Workers that one chunk may kill before it is given up."""
 
-GRACE_S = 30.0
-"""How long a run waits without any worker, or without its scheduler, before it stops [s]."""
+PATIENCE_S = 30.0
+"""How long a run waits without any worker, or without its scheduler, before it stops [s]; `--patience`."""
 
 SILENT = logging.CRITICAL + 1
 """A level above every message."""
@@ -83,7 +84,9 @@ class SerialExecutor:
 class DaskExecutor:
     """Runs chunks on a Dask cluster through one client."""
 
-    def __init__(self, client: Client, dashboard: str | None, refill: Callable[[int], Any] | None = None) -> None:
+    def __init__(
+        self, client: Client, dashboard: str | None, patience_s: float, refill: Callable[[int], Any] | None = None
+    ) -> None:
         """`refill` starts workers until there are so many: a local cluster's own restarts give up on some deaths."""
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -91,6 +94,7 @@ class DaskExecutor:
         # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
         self._token = uuid.uuid4().hex[:8]
         self._last_alive = time.monotonic()
+        self._patience_s = patience_s
         self.dashboard = dashboard
         self.n_retries = 0
         self._workers = set(client.scheduler_info(n_workers=-1)["workers"])
@@ -142,7 +146,7 @@ class DaskExecutor:
         else:
             outcome = Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
         # Dask would compute a result again whose only holder died, for as long as someone holds its future.
-        self._futures.pop(future.key, None)
+        self._futures.pop(str(future.key), None)
         if outcome is not None:
             self._events.put((task, outcome))
 
@@ -156,30 +160,47 @@ class DaskExecutor:
                 self._refill(self._wanted)
             if connected and self._workers:
                 self._last_alive = time.monotonic()
-            elif time.monotonic() - self._last_alive > GRACE_S:
+            elif time.monotonic() - self._last_alive > self._patience_s:
                 what = "no worker is left" if connected else "the scheduler is gone"
-                raise Stopped(f"{what} (waited {GRACE_S:g} s)") from None
+                raise Stopped(f"{what} (waited {self._patience_s:g} s)") from None
             return None
         self._last_alive = time.monotonic()
         return event
 
 
-@contextlib.contextmanager
-def open_executor(workers: int | None = None, scheduler: str | None = None, *, serial: bool = False) -> Iterator[Any]:
-    """An executor for the length of a `with` block.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """Where a command computes; the options --workers, --scheduler, --serial and --patience."""
 
-    workers: processes of a local cluster (default: one per core); scheduler: address of an existing cluster instead;
-    serial: no Dask at all. Raises ExecutorError where it cannot be started.
-    """
-    if workers is not None and workers < 1:
-        raise ExecutorError(f"--workers is {workers}; it must be 1 or more")
-    if serial:
+    workers: int | None = None
+    """Processes of a local cluster; None: one per core."""
+    scheduler: str | None = None
+    """Address of an existing Dask scheduler, instead of a local cluster."""
+    serial: bool = False
+    """In this process, without Dask."""
+    patience_s: float = PATIENCE_S
+    """How long to wait without any worker or scheduler [s]."""
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise ExecutorError(f"--workers is {self.workers}; it must be 1 or more")
+        if not self.patience_s > 0:
+            raise ExecutorError(f"--patience is {self.patience_s:g}; it must be a number of seconds above 0")
+        chosen = [self.workers is not None, self.scheduler is not None, self.serial]
+        if sum(chosen) > 1:
+            raise ExecutorError("--workers, --scheduler and --serial exclude each other; give one of them")
+
+
+@contextlib.contextmanager
+def open_executor(placement: Placement) -> Iterator[Executor]:
+    """An executor for the length of a `with` block. Raises ExecutorError where it cannot be started."""
+    if placement.serial:
         yield SerialExecutor()
-    elif scheduler is not None:
-        with _remote(scheduler) as executor:
+    elif placement.scheduler is not None:
+        with _remote(placement.scheduler, placement.patience_s) as executor:
             yield executor
     else:
-        with _local(workers or len(os.sched_getaffinity(0))) as executor:
+        with _local(placement.workers or len(os.sched_getaffinity(0)), placement.patience_s) as executor:
             yield executor
 
 
@@ -202,7 +223,7 @@ def _configure() -> None:
 
 
 @contextlib.contextmanager
-def _local(workers: int) -> Iterator[DaskExecutor]:
+def _local(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     _configure()
     from distributed import Client, LocalCluster
 
@@ -214,11 +235,11 @@ def _local(workers: int) -> Iterator[DaskExecutor]:
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):  # fmt: skip
-        yield from _on(client, cluster.dashboard_link, cluster.scale)
+        yield from _on(client, cluster.dashboard_link, patience_s, cluster.scale)
 
 
 @contextlib.contextmanager
-def _remote(address: str) -> Iterator[DaskExecutor]:
+def _remote(address: str, patience_s: float) -> Iterator[DaskExecutor]:
     _configure()
     from distributed import Client
 
@@ -229,14 +250,16 @@ def _remote(address: str) -> Iterator[DaskExecutor]:
             f"no Dask scheduler answers at {address}: start one (dask scheduler) or leave --scheduler out ({e})"
         ) from e
     with client:
-        yield from _on(client, client.dashboard_link)
+        yield from _on(client, client.dashboard_link, patience_s)
 
 
-def _on(client: Client, dashboard: str | None, refill: Callable[[int], Any] | None = None) -> Iterator[DaskExecutor]:
+def _on(
+    client: Client, dashboard: str | None, patience_s: float, refill: Callable[[int], Any] | None = None
+) -> Iterator[DaskExecutor]:
     from softclose_workflows.worker_setup import WorkerSetup
 
     client.register_plugin(WorkerSetup(), name="softclose")
-    executor = DaskExecutor(client, dashboard, refill)
+    executor = DaskExecutor(client, dashboard, patience_s, refill)
     try:
         yield executor
     finally:

@@ -9,7 +9,7 @@ from typing import Any
 from distributed import WorkerPlugin
 
 
-class WorkerSetup(WorkerPlugin):  # type: ignore[misc]
+class WorkerSetup(WorkerPlugin):
     """Leaves Ctrl-C to the driver, and loads the compiled kernel before the first chunk needs it."""
 
     def setup(self, worker: Any) -> None:

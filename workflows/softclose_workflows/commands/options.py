@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -10,15 +11,28 @@ import click
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def executor_options(command: Command) -> Command:
-    """--workers, --scheduler and --serial."""
+def placement_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """--workers, --scheduler, --serial and --patience, handed to the command as one `placement`."""
+
+    @functools.wraps(command)
+    def with_placement(
+        *args: Any, workers: int | None, scheduler: str | None, serial: bool, patience: float, **options: Any
+    ) -> Any:
+        from softclose_workflows.executors import Placement
+
+        placement = Placement(workers=workers, scheduler=scheduler, serial=serial, patience_s=patience)
+        return command(*args, placement=placement, **options)
+
+    wrapped: Callable[..., Any] = with_placement
     for option in (
+        click.option("--patience", type=float, default=30.0, show_default=True, metavar="SECONDS",
+                     help="How long to wait without any worker or scheduler before stopping."),
         click.option("--serial", is_flag=True, help="Compute in this process, without Dask (for debugging)."),
         click.option("--scheduler", metavar="ADDRESS", help="Use an existing Dask scheduler, e.g. tcp://host:8786."),
         click.option("--workers", type=int, metavar="N", help="Worker processes of the local cluster [one per core]."),
-    ):
-        command = option(command)
-    return command
+    ):  # fmt: skip
+        wrapped = option(wrapped)
+    return wrapped
 
 
 def quiet_option(command: Command) -> Command:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
-from softclose_workflows.commands.options import break_lock_option, executor_options, quiet_option
+from softclose_workflows.commands.options import break_lock_option, placement_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.executors import Placement
 
 
 @click.command(
@@ -14,21 +19,27 @@ from softclose_workflows.commands.options import break_lock_option, executor_opt
 @click.argument("source", metavar="PRESET|FILE")
 @click.option("--store", required=True, metavar="PATH", help="Where the campaign is kept: a path or a URL.")
 @click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting; repeatable.")
-@executor_options
+@placement_options
 @break_lock_option
 @quiet_option
 @click.pass_context
-def run(ctx: click.Context, source: str, store: str, overrides: tuple[str, ...], workers: int | None,
-        scheduler: str | None, serial: bool, break_lock: bool, quiet: bool) -> None:  # fmt: skip
+def run(
+    ctx: click.Context,
+    source: str,
+    store: str,
+    overrides: tuple[str, ...],
+    placement: Placement,
+    break_lock: bool,
+    quiet: bool,
+) -> None:
     """Run the campaign of a shipped preset or of a TOML file.
 
     If STORE already holds this very campaign it is continued; another campaign is refused.
     """
     from softclose.config import load_config
-    from softclose_workflows.drive import create_store, drive
+    from softclose_workflows.drive import drive
     from softclose_workflows.presets import find_preset
 
     config = load_config(find_preset(source), overrides)
-    create_store(config, store)
     ctx.meta["softclose.store"] = store
-    drive(store, workers=workers, scheduler=scheduler, serial=serial, break_lock=break_lock, quiet=quiet)
+    drive(store, placement, config=config, break_lock=break_lock, quiet=quiet)
