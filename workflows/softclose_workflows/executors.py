@@ -39,10 +39,15 @@ Event = tuple[ChunkTask, ChunkResult | BaseException]
 class Executor(Protocol):
     """Runs chunk tasks; results come back in any order."""
 
-    n_workers: int
     dashboard: str | None
+    """Address of the dashboard, where there is one."""
     n_retries: int
     """Workers lost so far, for the status view."""
+
+    @property
+    def n_workers(self) -> int:
+        """Workers connected now."""
+        ...
 
     def submit(self, task: ChunkTask) -> None:
         """Start one chunk."""

@@ -18,7 +18,7 @@ from softclose_workflows.certified_tables import simulation_progress
 from softclose_workflows.certify import Certification, certify
 from softclose_workflows.drive import create_store, runtime
 from softclose_workflows.errors import Stopped
-from softclose_workflows.executors import Executor, open_executor
+from softclose_workflows.executors import Executor, Placement, open_executor
 from softclose_workflows.progress import show_progress
 from softclose_workflows.stopping import StopRequest, stop_on_signals
 
@@ -45,12 +45,8 @@ class Effort:
     """Fresh switches of each certification."""
     top: int = 10
     """Candidates certified in each campaign."""
-    workers: int | None = None
-    """Worker processes of the local cluster."""
-    scheduler: str | None = None
-    """Existing Dask scheduler."""
-    serial: bool = False
-    """Compute in this process."""
+    placement: Placement = Placement()
+    """Where chunks are computed."""
     threads: int = 1
     """Threads of a certification."""
     quiet: bool = False
@@ -80,9 +76,7 @@ def run_series(
             path = member.store(folder)
             if not open_campaign(path).finished:
                 if executor is None:  # nothing left to run needs no cluster
-                    executor = stack.enter_context(
-                        open_executor(effort.workers, effort.scheduler, serial=effort.serial)
-                    )
+                    executor = stack.enter_context(open_executor(effort.placement))
                 _say(effort, f"[{number}/{len(members)}] {member.config.campaign.name}")
                 _run(path, executor, stop, effort)
             quiet = effort.quiet or not sys.stderr.isatty()

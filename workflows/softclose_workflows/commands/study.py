@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import json
 
+from typing import TYPE_CHECKING
+
 import click
 
-from softclose_workflows.commands.options import executor_options, quiet_option
+from softclose_workflows.commands.options import placement_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.executors import Placement
 
 
 @click.command(
@@ -19,11 +24,11 @@ from softclose_workflows.commands.options import executor_options, quiet_option
 @click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting of all.")
 @click.option("--switches", type=click.IntRange(min=1), default=100_000, show_default=True, help="Fresh switches.")
 @click.option("--top", type=click.IntRange(min=1), default=10, show_default=True, help="Candidates certified in each.")
-@executor_options
+@placement_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
-def study(source: str, out: str, overrides: tuple[str, ...], switches: int, top: int, workers: int | None,
-          scheduler: str | None, serial: bool, as_json: bool, quiet: bool) -> None:  # fmt: skip
+def study(source: str, out: str, overrides: tuple[str, ...], switches: int, top: int,
+          placement: Placement, as_json: bool, quiet: bool) -> None:  # fmt: skip
     """Run a campaign for every value of one parameter, certify each, and try every optimum under every value.
 
     Stopped or killed, the same command continues; what is finished is not computed again.
@@ -35,7 +40,7 @@ def study(source: str, out: str, overrides: tuple[str, ...], switches: int, top:
     from softclose_workflows.study_file import load_study
 
     effort = Effort(
-        n_switches=switches, top=top, workers=workers, scheduler=scheduler, serial=serial,
+        n_switches=switches, top=top, placement=placement,
         threads=os.cpu_count() or 1, quiet=quiet or as_json,
     )  # fmt: skip
     result = run_study(load_study(source, overrides), out, effort)
