@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose import _pieces, _rk
+from softclose import _pieces, _rk, _taylor
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
@@ -19,7 +19,7 @@ EPS0_F_PER_M = 8.8541878128e-12
 MAX_STEPS = 200_000
 """Work limit per switch [integration steps]: a thousand times what an ordinary trajectory needs."""
 
-_METHODS: dict[str, Callable[..., None]] = {"taylor": _rk.run_block, "rk": _rk.run_block}
+_METHODS: dict[str, Callable[..., None]] = {"taylor": _taylor.run_block, "rk": _rk.run_block}
 METHODS = tuple(_METHODS)
 
 
