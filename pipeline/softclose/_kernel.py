@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -19,8 +18,7 @@ EPS0_F_PER_M = 8.8541878128e-12
 MAX_STEPS = 200_000
 """Work limit per switch [integration steps]: a thousand times what an ordinary trajectory needs."""
 
-_METHODS: dict[str, Callable[..., None]] = {"taylor": _taylor.run_block, "rk": _rk.run_block}
-METHODS = tuple(_METHODS)
+METHODS = ("taylor", "rk")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,16 +62,21 @@ def run(
         status=np.zeros(n, dtype=np.int8),
         impact_time=np.full((n_events, max_impacts), np.nan),
         impact_speed=np.full((n_events, max_impacts), np.nan),
-        x=np.full((n_rows, len(times_us)), np.nan, dtype=dtype),
-        v=np.full((n_rows, len(times_us)), np.nan, dtype=dtype),
+        x=np.empty((n_rows, len(times_us)), dtype=dtype),
+        v=np.empty((n_rows, len(times_us)), dtype=dtype),
     )
     table = devices(switches, plate_area_um2)
-    block = _METHODS[method]
+    samples: tuple[NDArray[Any], ...] = (out.x, out.v)
+    block = _rk.run_block
+    if method == "taylor":
+        block = _taylor.run_block
+        unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
+        samples = (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
 
     def work(lo: int, hi: int) -> None:
         block(
             lo, hi, table, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps, times_us, out.metrics,
-            out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed, out.x, out.v,
+            out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed, *samples,
         )  # fmt: skip
 
     threads = min(threads, n)

@@ -6,12 +6,15 @@ The method of the paper. `_taylor.py` computes the same numbers several times fa
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from numba import njit
 
 from softclose._hold import release_time
 from softclose._pieces import voltage
+from softclose._source import fingerprint
 
 _MIN_STEP_US = 1e-13
 
@@ -110,7 +113,7 @@ def _contact(stages, x0, x1, v0, v1, h, travel):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def run_switch(  # type: ignore[no-untyped-def]
+def _run_switch(  # type: ignore[no-untyped-def]
     travel, gap, c, k, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
     times, x_out, v_out, impact_time, impact_speed, stages,
 ):  # fmt: skip
@@ -141,6 +144,8 @@ def run_switch(  # type: ignore[no-untyped-def]
                 continue
             n_steps += 1
             if n_steps > max_steps:
+                x_out[i_time:] = math.nan
+                v_out[i_time:] = math.nan
                 return v_max, first, math.inf, n_impacts, math.nan, math.nan, False, 1
             a = _acceleration(pieces, n_ramps, ramps, i, t, x, gap, c, k)
             last = h >= end - t
@@ -200,26 +205,34 @@ def run_switch(  # type: ignore[no-untyped-def]
     return v_max, first, settled, n_impacts, x, v, held, 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def run_block(  # type: ignore[no-untyped-def]
-    lo, hi, devices, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
-    times, metrics, n_impacts, closed, status, impact_time, impact_speed, x_out, v_out,
-):  # fmt: skip
-    """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k), each on its own; outputs are rows of whole arrays."""
-    stages = np.zeros((7, 2))
-    for i in range(lo, hi):
-        row = i if impact_time.shape[1] > 0 else 0
-        out = i if times.shape[0] > 0 else 0
-        v_max, first, settled, n, x, v, held, code = run_switch(
-            devices[i, 0], devices[i, 1], devices[i, 2], devices[i, 3], pieces, n_ramps, ramps,
-            restitution, v_stick, rtol, max_steps, times, x_out[out], v_out[out],
-            impact_time[row], impact_speed[row], stages,
-        )  # fmt: skip
-        metrics[0, i] = v_max
-        metrics[1, i] = first
-        metrics[2, i] = settled
-        metrics[3, i] = x
-        metrics[4, i] = v
-        n_impacts[i] = n
-        closed[i] = held
-        status[i] = code
+def _build(source: int) -> Callable[..., None]:
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def run_block(  # type: ignore[no-untyped-def]
+        lo, hi, devices, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
+        times, metrics, n_impacts, closed, status, impact_time, impact_speed, x_out, v_out,
+    ):  # fmt: skip
+        """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k); outputs are rows of whole arrays."""
+        if source < 0:  # never: closes over the fingerprint, see _source.py
+            return
+        stages = np.zeros((7, 2))
+        for i in range(lo, hi):
+            row = i if impact_time.shape[1] > 0 else 0
+            out = i if times.shape[0] > 0 else 0
+            v_max, first, settled, n, x, v, held, code = _run_switch(
+                devices[i, 0], devices[i, 1], devices[i, 2], devices[i, 3], pieces, n_ramps, ramps,
+                restitution, v_stick, rtol, max_steps, times, x_out[out], v_out[out],
+                impact_time[row], impact_speed[row], stages,
+            )  # fmt: skip
+            metrics[0, i] = v_max
+            metrics[1, i] = first
+            metrics[2, i] = settled
+            metrics[3, i] = x
+            metrics[4, i] = v
+            n_impacts[i] = n
+            closed[i] = held
+            status[i] = code
+
+    return cast("Callable[..., None]", run_block)
+
+
+run_block = _build(fingerprint())

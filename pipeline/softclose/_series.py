@@ -1,4 +1,4 @@
-"""Owns the fast kernel's power series as straight-line code. Written by scripts/generate_series.py: edit that.
+"""Owns the fast kernel's power series as straight-line code. Written by scripts/generate_series.py.
 
 `flight_constant`, `flight_driven`: Taylor coefficients of x(t) under Eq. 1. With s = u/(G - x), so s (G - x) = u, and
 x'' = c s² - k x, every coefficient follows from the ones before with one division. `constant` and `drive`: those of
@@ -11,6 +11,7 @@ Tuples, not arrays: an array that is passed on costs two atomic operations on it
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 ORDER = 16
@@ -19,7 +20,7 @@ TERMS = 12
 _FAST = {"contract", "reassoc", "nsz"}
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def flight_constant(x0, x1, u, gap, c, k):  # type: ignore[no-untyped-def]
     """Coefficients 0..ORDER of x at constant u."""
     r = 1.0 / (gap - x0)
@@ -72,21 +73,54 @@ def flight_constant(x0, x1, u, gap, c, k):  # type: ignore[no-untyped-def]
     x13 = c * q * 0.01282051282051282 - k * x11 * 0.00641025641025641
     z13 = x13 * r
     s12 = (
-        z1 * s11 + z2 * s10 + z3 * s9 + z4 * s8 + z5 * s7 + z6 * s6 + z7 * s5 + z8 * s4 + z9 * s3 + z10 * s2 + z11 * s1
+        z1 * s11
+        + z2 * s10
+        + z3 * s9
+        + z4 * s8
+        + z5 * s7
+        + z6 * s6
+        + z7 * s5
+        + z8 * s4
+        + z9 * s3
+        + z10 * s2
+        + z11 * s1
         + z12 * s0
     )
     q = s0 * s12 + s1 * s11 + s2 * s10 + s3 * s9 + s4 * s8 + s5 * s7 + 0.5 * s6 * s6
     x14 = c * q * 0.01098901098901099 - k * x12 * 0.005494505494505495
     z14 = x14 * r
     s13 = (
-        z1 * s12 + z2 * s11 + z3 * s10 + z4 * s9 + z5 * s8 + z6 * s7 + z7 * s6 + z8 * s5 + z9 * s4 + z10 * s3 + z11 * s2
-        + z12 * s1 + z13 * s0
+        z1 * s12
+        + z2 * s11
+        + z3 * s10
+        + z4 * s9
+        + z5 * s8
+        + z6 * s7
+        + z7 * s6
+        + z8 * s5
+        + z9 * s4
+        + z10 * s3
+        + z11 * s2
+        + z12 * s1
+        + z13 * s0
     )
     q = s0 * s13 + s1 * s12 + s2 * s11 + s3 * s10 + s4 * s9 + s5 * s8 + s6 * s7
     x15 = c * q * 0.009523809523809525 - k * x13 * 0.004761904761904762
     s14 = (
-        z1 * s13 + z2 * s12 + z3 * s11 + z4 * s10 + z5 * s9 + z6 * s8 + z7 * s7 + z8 * s6 + z9 * s5 + z10 * s4 + z11 *
-        s3 + z12 * s2 + z13 * s1 + z14 * s0
+        z1 * s13
+        + z2 * s12
+        + z3 * s11
+        + z4 * s10
+        + z5 * s9
+        + z6 * s8
+        + z7 * s7
+        + z8 * s6
+        + z9 * s5
+        + z10 * s4
+        + z11 * s3
+        + z12 * s2
+        + z13 * s1
+        + z14 * s0
     )
     q = s0 * s14 + s1 * s13 + s2 * s12 + s3 * s11 + s4 * s10 + s5 * s9 + s6 * s8 + 0.5 * s7 * s7
     x16 = c * q * 0.008333333333333333 - k * x14 * 0.004166666666666667
@@ -143,28 +177,74 @@ def flight_driven(x0, x1, u, gap, c, k):  # type: ignore[no-untyped-def]
     x12 = c * q * 0.015151515151515152 - k * x10 * 0.007575757575757576
     z12 = x12 * r
     s11 = (
-        r * u11 + z1 * s10 + z2 * s9 + z3 * s8 + z4 * s7 + z5 * s6 + z6 * s5 + z7 * s4 + z8 * s3 + z9 * s2 + z10 * s1 +
-        z11 * s0
+        r * u11
+        + z1 * s10
+        + z2 * s9
+        + z3 * s8
+        + z4 * s7
+        + z5 * s6
+        + z6 * s5
+        + z7 * s4
+        + z8 * s3
+        + z9 * s2
+        + z10 * s1
+        + z11 * s0
     )
     q = s0 * s11 + s1 * s10 + s2 * s9 + s3 * s8 + s4 * s7 + s5 * s6
     x13 = c * q * 0.01282051282051282 - k * x11 * 0.00641025641025641
     z13 = x13 * r
     s12 = (
-        r * u12 + z1 * s11 + z2 * s10 + z3 * s9 + z4 * s8 + z5 * s7 + z6 * s6 + z7 * s5 + z8 * s4 + z9 * s3 + z10 * s2 +
-        z11 * s1 + z12 * s0
+        r * u12
+        + z1 * s11
+        + z2 * s10
+        + z3 * s9
+        + z4 * s8
+        + z5 * s7
+        + z6 * s6
+        + z7 * s5
+        + z8 * s4
+        + z9 * s3
+        + z10 * s2
+        + z11 * s1
+        + z12 * s0
     )
     q = s0 * s12 + s1 * s11 + s2 * s10 + s3 * s9 + s4 * s8 + s5 * s7 + 0.5 * s6 * s6
     x14 = c * q * 0.01098901098901099 - k * x12 * 0.005494505494505495
     z14 = x14 * r
     s13 = (
-        r * u13 + z1 * s12 + z2 * s11 + z3 * s10 + z4 * s9 + z5 * s8 + z6 * s7 + z7 * s6 + z8 * s5 + z9 * s4 + z10 * s3
-        + z11 * s2 + z12 * s1 + z13 * s0
+        r * u13
+        + z1 * s12
+        + z2 * s11
+        + z3 * s10
+        + z4 * s9
+        + z5 * s8
+        + z6 * s7
+        + z7 * s6
+        + z8 * s5
+        + z9 * s4
+        + z10 * s3
+        + z11 * s2
+        + z12 * s1
+        + z13 * s0
     )
     q = s0 * s13 + s1 * s12 + s2 * s11 + s3 * s10 + s4 * s9 + s5 * s8 + s6 * s7
     x15 = c * q * 0.009523809523809525 - k * x13 * 0.004761904761904762
     s14 = (
-        r * u14 + z1 * s13 + z2 * s12 + z3 * s11 + z4 * s10 + z5 * s9 + z6 * s8 + z7 * s7 + z8 * s6 + z9 * s5 + z10 * s4
-        + z11 * s3 + z12 * s2 + z13 * s1 + z14 * s0
+        r * u14
+        + z1 * s13
+        + z2 * s12
+        + z3 * s11
+        + z4 * s10
+        + z5 * s9
+        + z6 * s8
+        + z7 * s7
+        + z8 * s6
+        + z9 * s5
+        + z10 * s4
+        + z11 * s3
+        + z12 * s2
+        + z13 * s1
+        + z14 * s0
     )
     q = s0 * s14 + s1 * s13 + s2 * s12 + s3 * s11 + s4 * s10 + s5 * s9 + s6 * s8 + 0.5 * s7 * s7
     x16 = c * q * 0.008333333333333333 - k * x14 * 0.004166666666666667
@@ -213,7 +293,7 @@ def drive(u, cosine, sine, omega):  # type: ignore[no-untyped-def]
     return u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10, u11, u12, u13, u14
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def evaluate(x, h):  # type: ignore[no-untyped-def]
     """Position and velocity of the polynomial x at h."""
     x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
@@ -257,7 +337,7 @@ def evaluate(x, h):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", fastmath=_FAST)
 def bend(x, h):  # type: ignore[no-untyped-def]
     """Bound on |x''| over [0, h]."""
-    x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
+    _x0, _x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
     h2 = h * h
     even = 240.0 * abs(x16)
     even = 182.0 * abs(x14) + h2 * even
@@ -280,7 +360,7 @@ def bend(x, h):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", fastmath=_FAST)
 def descent(x, h):  # type: ignore[no-untyped-def]
     """(x(0) - x(h)) / h, free of cancellation however small h is, and the velocity at h."""
-    x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
+    _x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
     h2 = h * h
     y_even = x15
     y_even = x13 + h2 * y_even
@@ -336,7 +416,8 @@ def sample(x, t, times, first, stop, i, x_out, v_out):  # type: ignore[no-untype
     d14 = 14.0 * x14
     d15 = 15.0 * x15
     d16 = 16.0 * x16
-    for j in range(first, stop):
+    for m in range(stop - first):
+        j = np.uintp(first + m)
         s = times[j] - t
         y = x16
         y = x15 + s * y
@@ -461,16 +542,17 @@ def bounce_duration(f, w):  # type: ignore[no-untyped-def]
     """Flight time [µs] after a rebound at speed w."""
     f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11 = f
     w2 = w * w
-    y = f11
-    y = f10 + w2 * y
-    y = f9 + w2 * y
-    y = f8 + w2 * y
-    y = f7 + w2 * y
-    y = f6 + w2 * y
-    y = f5 + w2 * y
-    y = f4 + w2 * y
-    y = f3 + w2 * y
-    y = f2 + w2 * y
-    y = f1 + w2 * y
-    y = f0 + w2 * y
-    return w * y
+    w4 = w2 * w2
+    even = f10
+    even = f8 + w4 * even
+    even = f6 + w4 * even
+    even = f4 + w4 * even
+    even = f2 + w4 * even
+    even = f0 + w4 * even
+    odd = f11
+    odd = f9 + w4 * odd
+    odd = f7 + w4 * odd
+    odd = f5 + w4 * odd
+    odd = f3 + w4 * odd
+    odd = f1 + w4 * odd
+    return w * (even + w2 * odd)

@@ -7,6 +7,8 @@ same bits with and without them: samples and impacts are read off what is comput
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from numba import njit
@@ -15,13 +17,24 @@ from softclose._contact import NONE, UNDECIDED, first_contact
 from softclose._hold import release_time
 from softclose._pieces import voltage
 from softclose._series import (
-    ORDER, TERMS, bend, bounce_duration, constant, drive, evaluate, flight_constant, flight_driven, flight_time, sample,
+    ORDER,
+    TERMS,
+    bend,
+    bounce_duration,
+    constant,
+    drive,
+    evaluate,
+    flight_constant,
+    flight_driven,
+    flight_time,
+    sample,
 )  # fmt: skip
+from softclose._source import fingerprint
 
-_SPEED_SCALE = 1.0
-"""Speeds are accurate to rtol relative to this [µm/µs]."""
+WORK_LIMIT = 1
+_SAFETY = 4.0
+"""The last terms kept may be this much above the tolerance [1 µm/µs]: the first ones dropped are a quarter of them."""
 _RELEASE_STEP_US = 0.5
-_TINY = 1e-300
 _NO_BOUNCE = (0.0,) * TERMS
 _ONE_BITS = int(np.float64(1.0).view(np.int64))
 
@@ -33,23 +46,28 @@ def _bits(a):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _step_size(x, tolerance_bits):  # type: ignore[no-untyped-def]
-    """Step at which the last two terms of v are at most the tolerance, to a few per cent [µs].
+def _radius(tolerance, a, n, b, m):  # type: ignore[no-untyped-def]
+    """The h at which a h^n and b h^m are at most the tolerance, to a few per cent.
 
-    Two terms, since one may vanish by symmetry. The roots are taken in the floating-point bits: a step need not be exact,
-    and logarithms and exponentials cost as much as half the series.
+    Two terms of a series, since one may vanish by symmetry. The roots are taken in the floating-point bits: a step need
+    not be exact, and logarithms and exponentials would cost as much as half the series.
     """
-    a = (tolerance_bits - _bits(ORDER * abs(x[ORDER]))) // (ORDER - 1)
-    b = (tolerance_bits - _bits((ORDER - 1) * abs(x[ORDER - 1]))) // (ORDER - 2)
-    return 0.94 * np.int64(min(a, b) + _ONE_BITS).view(np.float64)
+    budget = _bits(tolerance)
+    exponent = min((budget - _bits(abs(a))) // n, (budget - _bits(abs(b))) // m)
+    return 0.94 * np.int64(exponent + _ONE_BITS).view(np.float64)
 
 
 @njit(error_model="numpy")
-def _largest_bounce(f, rtol):  # type: ignore[no-untyped-def]
-    """Rebound speed up to which the series of the flight time is accurate [µm/µs]."""
-    a = (rtol * f[0] / (abs(f[TERMS - 1]) + _TINY)) ** (0.5 / (TERMS - 1))
-    b = (rtol * f[0] / (abs(f[TERMS - 2]) + _TINY)) ** (0.5 / (TERMS - 2))
-    return min(a, b)
+def _step_size(x, tolerance):  # type: ignore[no-untyped-def]
+    """Step at which the last two terms of v are at most the tolerance [µs].
+
+    Where a pair of complex singularities leads, coefficients swing like cos(n phi): both may be small at once. A third,
+    four before them, then bounds the step as the radius of convergence that it suggests.
+    """
+    budget = _bits(tolerance) - _ONE_BITS
+    early = (budget // (ORDER - 1)) - (_bits(abs((ORDER - 4) * x[ORDER - 4])) - _ONE_BITS) // (ORDER - 5)
+    h = 0.94 * np.int64(early + _ONE_BITS).view(np.float64)
+    return min(h, _radius(tolerance, ORDER * x[ORDER], ORDER - 1, (ORDER - 1) * x[ORDER - 1], ORDER - 2))
 
 
 @njit(error_model="numpy", inline="always")
@@ -69,16 +87,72 @@ def _expand(pieces, n_ramps, ramps, i, t, x, v, gap, c, k):  # type: ignore[no-u
 
 
 @njit(error_model="numpy", inline="always")
-def run_switch(  # type: ignore[no-untyped-def]
+def _write(row, first, stop, x, v, x64, v64, x32, v32):  # type: ignore[no-untyped-def]
+    """One position and velocity at samples first..stop-1."""
+    for j in range(first, stop):
+        if x64.shape[1] > 0:
+            x64[row, j] = x
+            v64[row, j] = v
+        else:
+            x32[row, j] = x
+            v32[row, j] = v
+
+
+@njit(error_model="numpy", inline="always")
+def _sample_until(series, t, until, times, first, row, x64, v64, x32, v32):  # type: ignore[no-untyped-def]
+    """Sample the polynomial that starts at t up to `until`; the number of samples written so far."""
+    stop = first
+    while stop < times.shape[0] and times[stop] <= until:
+        stop += 1
+    if stop > first:
+        if x64.shape[1] > 0:
+            sample(series, t, times, first, stop, row, x64, v64)
+        else:
+            sample(series, t, times, first, stop, row, x32, v32)
+    return stop
+
+
+@njit(error_model="numpy")
+def _symmetric_flight(w, longest, travel, gap, c, k, u, tolerance, max_steps):  # type: ignore[no-untyped-def]
+    """Flight time [µs] after a rebound at speed w under constant u, inf if above `longest`; and the steps taken.
+
+    The way back mirrors the way out, so only the turning point is integrated for.
+    """
+    t, x, v = 0.0, travel, -w
+    duration = math.inf
+    n_steps = 0
+    while n_steps < max_steps and 2.0 * t <= longest:
+        n_steps += 1
+        series = flight_constant(x, v, u, gap, c, k)
+        h = min(_step_size(series, tolerance), longest)
+        x1, v1 = evaluate(series, h)
+        if v1 < 0.0:
+            t, x, v = t + h, x1, v1
+            continue
+        tau = h * v / (v - v1)
+        for _ in range(8):
+            xt, vt = evaluate(series, tau)
+            shift = vt / (c * (u / (gap - xt)) ** 2 - k * xt)
+            tau -= shift
+            if abs(shift) < 1e-7:  # quadratic convergence: the next would be below rounding
+                break
+        if 2.0 * (t + tau) <= longest:
+            duration = 2.0 * (t + tau)
+        break
+    return duration, n_steps
+
+
+@njit(error_model="numpy", inline="always")
+def _run_switch(  # type: ignore[no-untyped-def]
     travel, gap, c, k, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
-    times, row, x_out, v_out, event_row, impact_time, impact_speed,
+    times, row, x64, v64, x32, v32, event_row, impact_time, impact_speed,
 ):  # fmt: skip
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows."""
-    tolerance_bits = _bits(_SPEED_SCALE * rtol)
+    tolerance = _SAFETY * rtol
     t, x, v = 0.0, 0.0, 0.0
     v_max, first, settled = math.nan, math.inf, math.inf
     held, launched = False, False
-    n_impacts, n_steps = 0, 0
+    n_impacts, n_steps, status = 0, 0, 0
     hold_voltage = (gap - travel) * math.sqrt(k * travel / c)
     n_times, i_time = times.shape[0], 0
     n_events = impact_time.shape[1]
@@ -86,54 +160,52 @@ def run_switch(  # type: ignore[no-untyped-def]
         t, end = pieces[i, 0], pieces[i, 1]
         bounce_limit = -1.0
         bounce = _NO_BOUNCE
-        while t < end:
+        while t < end and status == 0:
             if held:
-                t = min(release_time(pieces, n_ramps, ramps, i, t, hold_voltage), end)
-                while i_time < n_times and times[i_time] <= t:
-                    x_out[row, i_time] = travel
-                    v_out[row, i_time] = 0.0
-                    i_time += 1
+                if n_ramps[i] > 0:
+                    t = min(release_time(pieces, n_ramps, ramps, i, t, hold_voltage), end)
+                elif pieces[i, 2] >= hold_voltage:
+                    t = end
+                if i_time < n_times:
+                    stop = i_time
+                    while stop < n_times and times[stop] <= t:
+                        stop += 1
+                    _write(row, i_time, stop, travel, 0.0, x64, v64, x32, v32)
+                    i_time = stop
                 if t < end:
-                    held = False
-                    launched = True
-                    settled = math.inf
+                    held, launched, settled = False, True, math.inf
                 continue
             n_steps += 1
             if n_steps > max_steps:
-                return v_max, first, math.inf, n_impacts, math.nan, math.nan, False, 1
-            coefficients = _expand(pieces, n_ramps, ramps, i, t, x, v, gap, c, k)
-            h = _step_size(coefficients, tolerance_bits)
+                status = WORK_LIMIT
+                break
+            series = _expand(pieces, n_ramps, ramps, i, t, x, v, gap, c, k)
+            h = _step_size(series, tolerance)
             if launched and v == 0.0:
                 h = min(h, _RELEASE_STEP_US)
             last = h >= end - t
             if last:
                 h = end - t
-            x1, v1 = evaluate(coefficients, h)
+            x1, v1 = evaluate(series, h)
             tau, speed = NONE, 0.0
             # Below the contact x'' >= -k travel, so between its ends x exceeds the higher by at most k travel h²/8.
             if launched or max(x, x1) + 0.125 * k * travel * h * h >= travel:
-                bound = bend(coefficients, h)
-                tau, speed = first_contact(coefficients, h, travel - x, launched, v1, bound)
+                tau, speed = first_contact(series, h, travel - x, launched, v1, bend(series, h))
                 if tau == UNDECIDED:
                     h, last, tau = speed, False, NONE
-                    x1, v1 = evaluate(coefficients, h)
+                    x1, v1 = evaluate(series, h)
             launched = False
             t_next = end if last else t + h
             if tau != NONE:
                 t_next = min(t + tau, end)
-            if i_time < n_times and times[i_time] <= t_next:
-                stop = i_time + 1
-                while stop < n_times and times[stop] <= t_next:
-                    stop += 1
-                sample(coefficients, t, times, i_time, stop, row, x_out, v_out)
-                i_time = stop
+            if i_time < n_times:
+                i_time = _sample_until(series, t, t_next, times, i_time, row, x64, v64, x32, v32)
             t = t_next
             if tau == NONE:
                 x, v = x1, v1
                 continue
             if n_impacts == 0:
-                first = t
-                v_max = speed
+                first, v_max = t, speed
             v_max = max(v_max, speed)
             if n_impacts < n_events:
                 impact_time[event_row, n_impacts] = t
@@ -146,71 +218,81 @@ def run_switch(  # type: ignore[no-untyped-def]
                 continue
             if pieces[i, 2] < hold_voltage:
                 continue
-            # Constant voltage that presses: energy is conserved, so later impacts have exactly the speed of the
-            # rebound before them, and their intervals are a power series in it.
+            # Constant voltage that presses: energy is conserved, so each later impact has exactly the speed of the
+            # rebound before it, and small bounces last a power series in that speed.
             if bounce_limit < 0.0:
                 bounce_limit = 0.0
                 if pieces[i, 2] > hold_voltage:
                     bounce = flight_time(travel, gap, c * pieces[i, 2] ** 2, k)
-                    bounce_limit = _largest_bounce(bounce, rtol)
+                    bounce_limit = _radius(
+                        rtol * bounce[0], bounce[TERMS - 1], 2 * (TERMS - 1), bounce[TERMS - 2], 2 * (TERMS - 2)
+                    )
             while True:
                 if -v < v_stick:
                     held, launched, v, settled = True, False, 0.0, t
                     break
-                if -v > bounce_limit:
-                    break
                 n_steps += 1
-                t_next = t + bounce_duration(bounce, -v)
+                if -v <= bounce_limit:
+                    duration = bounce_duration(bounce, -v)
+                else:
+                    duration, n = _symmetric_flight(-v, end - t, travel, gap, c, k, pieces[i, 2], tolerance, max_steps)
+                    n_steps += n
+                t_next = t + duration
                 if t_next > end or n_steps > max_steps:
                     break
+                # For the samples only: what is reported does not depend on it. A bounce may take several steps.
+                ts, xs, vs = t, x, v
                 while i_time < n_times and times[i_time] <= t_next:
-                    # For the samples only; one bounce may take several steps.
-                    ts, xs, vs = t, x, v
-                    while True:
-                        coefficients = _expand(pieces, n_ramps, ramps, i, ts, xs, vs, gap, c, k)
-                        h = min(_step_size(coefficients, tolerance_bits), t_next - ts)
-                        near = t_next if h >= t_next - ts else ts + h
-                        stop = i_time
-                        while stop < n_times and times[stop] <= near:
-                            stop += 1
-                        sample(coefficients, ts, times, i_time, stop, row, x_out, v_out)
-                        i_time = stop
-                        if near >= t_next:
-                            break
-                        xs, vs = evaluate(coefficients, h)
-                        ts = near
+                    series = _expand(pieces, n_ramps, ramps, i, ts, xs, vs, gap, c, k)
+                    h = _step_size(series, tolerance)
+                    near = t_next if h >= t_next - ts else ts + h
+                    i_time = _sample_until(series, ts, near, times, i_time, row, x64, v64, x32, v32)
+                    xs, vs = evaluate(series, h)
+                    ts = near
                 t = t_next
                 if n_impacts < n_events:
                     impact_time[event_row, n_impacts] = t
                     impact_speed[event_row, n_impacts] = -v
                 n_impacts += 1
                 v *= restitution
-    while i_time < n_times:
-        x_out[row, i_time] = x
-        v_out[row, i_time] = v
-        i_time += 1
-    return v_max, first, settled, n_impacts, x, v, held, 0
+    if status != 0:
+        x, v, held, settled = math.nan, math.nan, False, math.inf
+    if i_time < n_times:
+        _write(row, i_time, n_times, x, v, x64, v64, x32, v32)
+    return v_max, first, settled, n_impacts, x, v, held, status
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def run_block(  # type: ignore[no-untyped-def]
-    lo, hi, devices, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
-    times, metrics, n_impacts, closed, status, impact_time, impact_speed, x_out, v_out,
-):  # fmt: skip
-    """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k), each on its own; outputs are rows of whole arrays."""
-    for i in range(lo, hi):
-        row = i if impact_time.shape[1] > 0 else 0
-        out = i if times.shape[0] > 0 else 0
-        v_max, first, settled, n, x, v, held, code = run_switch(
-            devices[i, 0], devices[i, 1], devices[i, 2], devices[i, 3], pieces, n_ramps, ramps,
-            restitution, v_stick, rtol, max_steps, times, out, x_out, v_out,
-            row, impact_time, impact_speed,
-        )  # fmt: skip
-        metrics[0, i] = v_max
-        metrics[1, i] = first
-        metrics[2, i] = settled
-        metrics[3, i] = x
-        metrics[4, i] = v
-        n_impacts[i] = n
-        closed[i] = held
-        status[i] = code
+def _build(source: int) -> Callable[..., None]:
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def run_block(  # type: ignore[no-untyped-def]
+        lo, hi, devices, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
+        times, metrics, n_impacts, closed, status, impact_time, impact_speed, x64, v64, x32, v32,
+    ):  # fmt: skip
+        """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k), each on its own; outputs are rows of whole arrays.
+
+        Samples go to x64 and v64, or to x32 and v32 where those have no columns: one compiled variant for both, so the
+        metrics are the same bits whichever is asked for.
+        """
+        if source < 0:  # never: closes over the fingerprint, see _source.py
+            return
+        for i in range(lo, hi):
+            row = i if times.shape[0] > 0 else 0
+            event_row = i if impact_time.shape[1] > 0 else 0
+            v_max, first, settled, n, x, v, held, code = _run_switch(
+                devices[i, 0], devices[i, 1], devices[i, 2], devices[i, 3], pieces, n_ramps, ramps,
+                restitution, v_stick, rtol, max_steps, times, row, x64, v64, x32, v32,
+                event_row, impact_time, impact_speed,
+            )  # fmt: skip
+            metrics[0, i] = v_max
+            metrics[1, i] = first
+            metrics[2, i] = settled
+            metrics[3, i] = x
+            metrics[4, i] = v
+            n_impacts[i] = n
+            closed[i] = held
+            status[i] = code
+
+    return cast("Callable[..., None]", run_block)
+
+
+run_block = _build(fingerprint())
