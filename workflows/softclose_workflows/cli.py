@@ -75,6 +75,7 @@ COMMANDS = (
     "certify",
     "completion",
     "export",
+    "report",
     "rescore",
     "resume",
     "run",

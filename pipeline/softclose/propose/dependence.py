@@ -1,0 +1,125 @@
+"""Owns what a surrogate can be asked after a campaign: which parameters matter, how g depends on one and two of them.
+
+The process is fitted by the skopt engine's own function, on the recorded history: nothing here fits differently.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from softclose.propose.protocol import Observation, Problem, search_history
+
+FloatArray = NDArray[np.float64]
+
+MIN_CANDIDATES = 5
+"""Usable candidates below which a surrogate says nothing worth printing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dependence:
+    """What the Gaussian process believes about g, d parameters of the search space."""
+
+    names: tuple[str, ...]
+    """Names of the parameters, as in the search space."""
+    length_scales: FloatArray
+    """(d,) of the fit, in units of the search range: short means that g reacts strongly."""
+    incumbent: FloatArray
+    """(d,) best recorded point, in physical units."""
+    grid: FloatArray
+    """(d, n_grid) values of each parameter, in its physical unit."""
+    mean_cm_s: FloatArray
+    """(d, n_grid) partial dependence: expected g averaged over the recorded points [cm/s]."""
+    slice_cm_s: FloatArray
+    """(d, n_grid) expected g on the line through the best point [cm/s]."""
+    slice_sd_cm_s: FloatArray
+    """(d, n_grid) the surrogate's standard deviation there [cm/s]."""
+    pairs: tuple[tuple[int, int], ...]
+    """Pairs of parameters, those that matter most first."""
+    pair_grid: FloatArray
+    """(d, n_pair_grid) values of each parameter in the pairs' maps."""
+    pair_cm_s: FloatArray
+    """(n_pair, n_pair_grid, n_pair_grid) partial dependence; the first of the pair runs along the last axis [cm/s]."""
+
+
+def surrogate_dependence(
+    problem: Problem,
+    history: Sequence[Observation],
+    *,
+    n_grid: int = 41,
+    n_pair_grid: int = 17,
+    n_average: int = 48,
+    max_pairs: int = 21,
+) -> Dependence | None:
+    """One- and two-dimensional partial dependence of g, from a fit to the recorded search.
+
+    None where fewer than MIN_CANDIDATES usable candidates lie in the search space, or the process cannot be fitted.
+    g above its median is cut off before the fit, as the engine does (`optimiser.warp`): high plateaus are lower bounds.
+    """
+    from softclose.propose import skopt_engine as engine
+
+    data = engine._collect(problem, search_history(problem, history))
+    if len(data.g) < MIN_CANDIDATES:
+        return None
+    warp = "none" if problem.config.optimiser.warp == "none" else "clip"  # a logarithm cannot be averaged back
+    y, per_cm_s = engine._warp(data.g, warp)
+    noise = problem.config.optimiser.noise_share * (data.se * per_cm_s) ** 2
+    with threadpool_limits(limits=1), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # bounds of the length scales are met often, as in the engine
+        try:
+            model = engine._fit(data.points, y, noise, problem.config.optimiser.fit_iterations)
+        except (np.linalg.LinAlgError, ValueError, FloatingPointError):
+            return None
+        best = int(np.argmin(data.g))
+        # y = (g - offset) * per_cm_s, and the best candidate is never cut off.
+        offset = float(data.g[best] - y[best] / per_cm_s)
+
+        def expected(points: FloatArray) -> FloatArray:
+            return np.asarray(model.predict(points), dtype=np.float64) / per_cm_s + offset
+
+        fitted = np.asarray(model.kernel_.get_params()["k1__k2__length_scale"], dtype=np.float64)
+        scales = np.broadcast_to(fitted, (problem.space.dim,)).copy()
+        d, point = problem.space.dim, data.points[best]
+        unit = np.linspace(0.0, 1.0, n_grid)
+        average = data.points[np.unique(np.linspace(0, len(data.points) - 1, n_average).astype(int))]
+        mean, line, sd = (np.empty((d, n_grid)) for _ in range(3))
+        for j in range(d):
+            mean[j] = _averaged(expected, average, (j,), unit[:, None])
+            on_line = np.repeat(point[None], n_grid, axis=0)
+            on_line[:, j] = unit
+            _, std = model.predict(on_line, return_std=True)
+            line[j], sd[j] = expected(on_line), np.asarray(std) / per_cm_s
+        coarse = np.linspace(0.0, 1.0, n_pair_grid)
+        first, second = np.meshgrid(coarse, coarse)
+        both = np.column_stack([first.ravel(), second.ravel()])
+        pairs = tuple(sorted(combinations(range(d), 2), key=lambda p: float(scales[p[0]] * scales[p[1]])))[:max_pairs]
+        maps = [_averaged(expected, average, pair, both).reshape(n_pair_grid, n_pair_grid) for pair in pairs]
+    axes = problem.space.coordinates
+    return Dependence(
+        names=problem.space.names,
+        length_scales=scales,
+        incumbent=np.array([float(c.value(point[i : i + 1])[0]) for i, c in enumerate(axes)]),
+        grid=np.array([c.value(unit) for c in axes]),
+        mean_cm_s=mean,
+        slice_cm_s=line,
+        slice_sd_cm_s=sd,
+        pairs=pairs,
+        pair_grid=np.array([c.value(coarse) for c in axes]),
+        pair_cm_s=np.array(maps).reshape(len(pairs), n_pair_grid, n_pair_grid),
+    )
+
+
+def _averaged(
+    expected: Callable[[FloatArray], FloatArray], points: FloatArray, axes: tuple[int, ...], values: FloatArray
+) -> FloatArray:
+    """(n_value,) mean over `points` of the expectation with the coordinates `axes` set to each row of values."""
+    stacked = np.repeat(points[None], len(values), axis=0)
+    stacked[:, :, list(axes)] = values[:, None, :]
+    found = expected(stacked.reshape(-1, points.shape[1])).reshape(len(values), len(points))
+    return np.asarray(found.mean(axis=1))

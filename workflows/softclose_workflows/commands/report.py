@@ -1,0 +1,31 @@
+"""Owns `softclose report`."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command(
+    epilog="\b\nExamples:\n  softclose report runs/a.zarr\n  softclose report runs/a.zarr -o for-colleagues.html"
+)
+@click.argument("store", metavar="STORE")
+@click.option("-o", "--output", metavar="FILE", help="Where to write it [the store's name with .html, in this folder].")
+@click.option("--quiet", "-q", is_flag=True, help="Say nothing but what went wrong.")
+def report(store: str, output: str | None, quiet: bool) -> None:
+    """Write one self-contained HTML page about the campaign in STORE, also while it is being written.
+
+    The page needs no network: its figures, data and scripts are inside. It can be mailed, archived and printed.
+    """
+    from softclose_workflows.report.files import default_name, say_written, write_text
+    from softclose_workflows.report.gather import gather
+    from softclose_workflows.report.page import render_report
+    from softclose_workflows.report.working import working
+
+    path = output or default_name(store, ".html")
+    with working("reading the store", quiet=quiet):
+        data = gather(store)
+    with working("drawing", quiet=quiet):
+        page = render_report(data)
+    write_text(path, page)
+    if not quiet:
+        say_written([path])

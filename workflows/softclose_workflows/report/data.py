@@ -1,0 +1,125 @@
+"""Owns `ReportData`: everything that reports and figures show of one campaign, in the units they show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import CampaignConfig
+from softclose.objective import CM_S, Assessment
+from softclose.propose.dependence import Dependence
+from softclose.waveform import FloatArray, Waveform
+from softclose_workflows.certify import Certification
+
+DESIGN_NAMES = {"unshaped": "unshaped 100 V step", "deterministic": "deterministic design"}
+"""What charts call the reference designs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Traces:
+    """Sampled motion of some switches of an ensemble."""
+
+    rows: NDArray[np.int64]
+    """(k,) rows of the ensemble."""
+    times_us: FloatArray
+    """(n_time,) [µs]."""
+    distance_um: FloatArray
+    """(k, n_time) distance D - x from the closed position [µm]: 0 is closed."""
+    velocity_cm_s: FloatArray
+    """(k, n_time) velocity towards the contact [cm/s]."""
+    impact_us: FloatArray
+    """(k, n_impact) instants of the impacts [µs], padded with NaN."""
+    impact_cm_s: FloatArray
+    """(k, n_impact) speeds of the impacts [cm/s], padded with NaN."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Design:
+    """One waveform on the training ensemble."""
+
+    name: str
+    """What charts call it."""
+    waveform: Waveform
+    speed_cm_s: FloatArray
+    """(n,) V of every switch [cm/s]; NaN where it never touched."""
+    closed: NDArray[np.bool_]
+    """(n,) held in contact at the horizon."""
+    assessment: Assessment
+    traces: Traces | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidates:
+    """The committed candidates, column by column; NaN where a number is undefined."""
+
+    waveforms: tuple[Waveform | None, ...]
+    origin: tuple[str, ...]
+    note: tuple[str, ...]
+    failed: NDArray[np.bool_]
+    n_switches: NDArray[np.int64]
+    columns: dict[str, FloatArray]
+    """g_cm_s, v_u_cm_s, mean_cm_s, p_nc, … with their intervals, as the store names them; each (n,)."""
+    surrogate: dict[str, FloatArray]
+    """What the surrogate believed before each candidate, by name; each (n,)."""
+
+    def __len__(self) -> int:
+        return len(self.origin)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReportData:
+    """One campaign, finished or growing."""
+
+    source: str
+    """Name of the store, without its folder."""
+    config: CampaignConfig
+    fingerprint: str
+    runtime: dict[str, Any]
+    """Versions, processor, who and when, as the store recorded them."""
+    n_total: int
+    """The whole budget."""
+    candidates: Candidates
+    best: int | None
+    """The candidate that this is about: the certified best, else the campaign's own; None where none is usable."""
+    parameters: dict[str, FloatArray]
+    """D, G [µm], E [GPa], T [µm], K [N/m], M [µg] of the training ensemble, each (n,)."""
+    designs: tuple[Design, ...]
+    """On the training switches: the best candidate first (if any), then the designs that it is compared with."""
+    speeds_cm_s: tuple[FloatArray, ...]
+    """V of every candidate's ensemble [cm/s]; empty where the candidate failed."""
+    samples: dict[int, Traces]
+    """A few switches of each candidate that a reader may pick, by index."""
+    dependence: Dependence | None
+    certification: Certification | None
+    """What fresh switches say, if the store has a certification."""
+
+    @property
+    def n_committed(self) -> int:
+        """Candidates so far."""
+        return len(self.candidates)
+
+    @property
+    def finished(self) -> bool:
+        """True where the whole budget is committed."""
+        return self.n_committed >= self.n_total
+
+    @property
+    def best_design(self) -> Design | None:
+        """The best candidate on the training switches."""
+        return self.designs[0] if self.best is not None else None
+
+    @property
+    def judged_designs(self) -> tuple[Design, ...]:
+        """The same designs where they are best judged: on fresh switches where there are any."""
+        c = self.certification
+        if c is None:
+            return self.designs
+        best = c.best if self.best is None else next((d for d in c.candidates if d.candidate == self.best), c.best)
+        return tuple(
+            Design(name=DESIGN_NAMES.get(d.name, "best candidate"), waveform=d.waveform, closed=d.response.closed,
+                   speed_cm_s=d.response.max_contact_speed * CM_S, assessment=d.assessment)
+            for d in (best, *reversed(c.references))
+        )  # fmt: skip

@@ -1,0 +1,92 @@
+"""Owns how quantities are named, written and coloured wherever a person looks: reports, figures, comparisons."""
+
+from __future__ import annotations
+
+import math
+import re
+
+PALETTE: dict[str, dict[str, str]] = {
+    "light": {
+        "paper": "#ffffff", "card": "#f6f7f9", "ink": "#1b1f24", "muted": "#57606a", "line": "#d0d7de",
+        "grid": "#e6e9ed", "best": "#0a67a6", "deterministic": "#c14a00", "unshaped": "#626a73", "open": "#a3347a",
+        "extra": "#00795a", "warn": "#7a4b00", "warnpaper": "#fff6dd",
+    },
+    "dark": {
+        "paper": "#12161b", "card": "#1b2128", "ink": "#e8ecf0", "muted": "#a5afba", "line": "#3a434d",
+        "grid": "#2a323b", "best": "#5bb4ee", "deterministic": "#f58a4b", "unshaped": "#a9b3bd", "open": "#ee93cd",
+        "extra": "#3fc79d", "warn": "#f2cc72", "warnpaper": "#33290f",
+    },
+}  # fmt: skip
+"""Roles rather than colours. The four data colours keep apart under protanopia, deuteranopia and in grey (they differ
+in lightness, and every use adds a dash, a marker or a label); each has a contrast of at least 4.5 to its paper."""
+
+SERIES = ("best", "deterministic", "extra", "open", "unshaped")
+"""Colours of compared campaigns, in order."""
+
+PARAMETERS: dict[str, tuple[str, str]] = {
+    "D": ("travel D", "µm"),
+    "G": ("gap G", "µm"),
+    "E": ("modulus E", "GPa"),
+    "T": ("thickness T", "µm"),
+    "K": ("stiffness K", "N/m"),
+    "M": ("effective mass M", "µg"),
+}
+
+_COORDINATES = {
+    "impulse": ("impulse", "× coasting"),
+    "rise": ("rise time", "µs"),
+    "volts": ("voltage", "V"),
+    "gap": ("pause before", "periods"),
+    "peak": ("flat top", "µs"),
+}
+
+
+def coordinate_label(name: str, *, unit: bool = True) -> str:
+    """`volts2` -> `pulse 2 voltage (V)`; a name that nobody knows stays as it is."""
+    match = re.fullmatch(r"([a-z_]+)(\d+)", name)
+    if match is None or match[1] not in _COORDINATES:
+        return name
+    words, of = _COORDINATES[match[1]]
+    text = f"{words} pulse {match[2]}" if match[1] == "gap" else f"pulse {match[2]} {words}"
+    return f"{text} ({of})" if unit else text
+
+
+def number(value: float, digits: int = 1) -> str:
+    """Fixed digits; a dash where there is no number, ∞ where there is no bound."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
+def interval(lower: float, upper: float, digits: int = 1) -> str:
+    """`17.2 to 18.9`; empty where either end is undefined."""
+    if math.isnan(lower) or math.isnan(upper):
+        return ""
+    return f"{number(lower, digits)} to {number(upper, digits)}"
+
+
+def percent(value: float, digits: int = 1) -> str:
+    """A probability in per cent, with a narrow no-break space before the sign."""
+    return "–" if math.isnan(value) else f"{number(100.0 * value, digits)}\u202f%"
+
+
+def percent_interval(lower: float, upper: float, digits: int = 1) -> str:
+    """`3.1 to 4.8 %`; ends are clipped to what a probability can be."""
+    if math.isnan(lower) or math.isnan(upper):
+        return ""
+    return f"{interval(100.0 * max(lower, 0.0), 100.0 * min(upper, 1.0), digits)}\u202f%"
+
+
+def pulse_lines(rows: list[tuple[float, float, float, float]]) -> list[dict[str, str]]:
+    """Cells of the table of pulses."""
+    return [
+        {
+            "start": number(start, 2),
+            "rise": "ideal step" if rise == 0.0 else number(rise, 2),
+            "top": "holds" if math.isinf(peak) else number(peak, 2),
+            "volts": number(volts, 2),
+        }
+        for start, rise, peak, volts in rows
+    ]

@@ -1,0 +1,154 @@
+"""Owns the report's page: `ReportData` in, one self-contained HTML text out, with no network.
+
+Names and notes in a store are strangers' text: the template escapes everything, data for the script is JSON without
+`<`, and a content security policy lets nothing run but the two scripts whose digests it names.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+from softclose import __version__
+from softclose_workflows.report import charts, labels, packed, shapes
+from softclose_workflows.report.data import Design, ReportData
+from softclose_workflows.report.summary import candidate_rows, headline, metrics, provenance
+
+COLOURS = {"best candidate": "best", "deterministic design": "deterministic", "unshaped 100 V step": "unshaped"}
+"""Colour of each design."""
+
+
+def render_report(data: ReportData) -> str:
+    """The whole page."""
+    figures, picks = _figures(data), _picks(data)
+    return render(
+        "report.html.j2",
+        payload={
+            "palettes": labels.PALETTE, "figures": {name: _drawn(chart) for name, chart in figures.items()},
+            "picks": picks, "best": data.best, "horizon": data.config.model.horizon_us,
+        },
+        data=data, figures=figures, picks=picks, headline=headline(data), candidates=candidate_rows(data),
+        provenance=provenance(data), dependence=data.dependence, labels=labels,
+        pairs=_pair_names(data), best=data.best_design, has_notes=any(data.candidates.note),
+    )  # fmt: skip
+
+
+def render(template: str, *, payload: dict[str, Any], **context: Any) -> str:
+    """One of the page templates, with the scripts, the style and the data inlined."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=PackageLoader("softclose_workflows.report", "assets"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    library, script, style = _library(), _asset("page.js"), _asset("page.css")
+    return environment.get_template(template).render(
+        library=Markup(library), script=Markup(script), style=Markup(_roles() + style),
+        payload=Markup(_json(payload)), script_digests=[_digest(library), _digest(script)], version=__version__,
+        **context,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _library() -> str:
+    """plotly.js as its Python package carries it; no copy of ours to keep."""
+    text = files("plotly").joinpath("package_data", "plotly.min.js").read_text(encoding="utf-8")
+    return "\n" + text.replace("</script", "<\\/script")
+
+
+def _asset(name: str) -> str:
+    return "\n" + files("softclose_workflows.report").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _digest(script: str) -> str:
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+
+
+def _roles() -> str:
+    """The palette as CSS variables, light and dark."""
+
+    def block(theme: str) -> str:
+        return "".join(f"--{role}:{colour};" for role, colour in labels.PALETTE[theme].items())
+
+    return f":root{{{block('light')}}}\n@media screen and (prefers-color-scheme: dark){{:root{{{block('dark')}}}}}\n"
+
+
+def _json(value: Any) -> str:
+    """JSON that cannot end its script element, whatever it holds."""
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _drawn(chart: charts.Chart) -> dict[str, Any]:
+    return {"data": chart["data"], "layout": chart["layout"]}
+
+
+def _figures(data: ReportData) -> dict[str, charts.Chart]:
+    """Every chart that this store has something to show in, by the id of its place on the page."""
+    figures: dict[str, charts.Chart] = {}
+    if data.best_design is not None:
+        edges = shapes.speed_edges(data)
+        figures["response"] = charts.response(data)
+        figures["histogram"] = charts.histogram(data, edges)
+        judged = data.judged_designs
+        figures["densities"] = charts.densities(judged, [COLOURS[d.name] for d in judged], _top_speed(judged))
+        for name in "DGET":
+            figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
+    for name in data.parameters:
+        figures[f"population-{name}"] = charts.population(data, name)
+    if data.n_committed:
+        figures["convergence"] = charts.convergence(data)
+    if (lengths := charts.length_scales(data)) is not None:
+        figures["lengths"] = lengths
+    if data.dependence is not None:
+        span = shapes.dependence_span(data.dependence)
+        for i, name in enumerate(data.dependence.names):
+            figures[f"dependence-{name}"] = charts.dependence(data.dependence, i, span)
+        for place in range(len(data.dependence.pairs)):
+            figures[f"pair-{place}"] = charts.pair(data.dependence, place)
+    return figures
+
+
+def _top_speed(designs: tuple[Design, ...]) -> float:
+    """End of the axis of densities: the largest speed of any design, in whole 5 cm/s."""
+    tops = [d.assessment.max_cm_s for d in designs if math.isfinite(d.assessment.max_cm_s)]
+    return 5.0 * math.ceil((max(tops, default=10.0) + 1.0) / 5.0)
+
+
+def _pair_names(data: ReportData) -> list[str]:
+    if data.dependence is None:
+        return []
+    names = [labels.coordinate_label(name, unit=False) for name in data.dependence.names]
+    return [f"{names[i]} × {names[j]}" for i, j in data.dependence.pairs]
+
+
+def _picks(data: ReportData) -> dict[int, dict[str, Any]]:
+    """What the page can show of each candidate that a reader may pick."""
+    if data.best is None:
+        return {}
+    edges, horizon = shapes.speed_edges(data), data.config.model.horizon_us
+    best = data.designs[0].traces
+    picks = {}
+    for i in sorted(set(data.samples) | {data.best}):
+        traces = best if i == data.best and best is not None else data.samples.get(i)
+        waveform = data.candidates.waveforms[i]
+        if waveform is None:
+            continue
+        columns = data.candidates.columns
+        picks[i] = {
+            "waveform": packed.pack_waveform(waveform, horizon),
+            "pulses": labels.pulse_lines([tuple(row) for row in waveform.rows().tolist()]),
+            "traces": packed.pack_traces(traces) if traces is not None else None,
+            "shares": charts.numbers(shapes.shares(data.speeds_cm_s[i], edges), 3),
+            "v_u": charts.numbers(columns["v_u_cm_s"][i : i + 1], 5)[0],
+            "mean": charts.numbers(columns["mean_cm_s"][i : i + 1], 5)[0],
+            "origin": data.candidates.origin[i],
+            "metrics": metrics(data, i),
+        }
+    return picks

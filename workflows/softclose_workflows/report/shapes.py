@@ -1,0 +1,133 @@
+"""Owns the shapes that charts draw: histograms, densities, convergence. Numbers only; drawing is elsewhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from softclose.propose.dependence import Dependence
+from softclose.waveform import FloatArray
+from softclose_workflows.report.data import ReportData
+
+SPEED_STEP_CM_S = 0.25
+"""Step of the axis of densities [cm/s]."""
+
+
+def speed_edges(data: ReportData) -> FloatArray:
+    """Edges of the histograms of V, the same for every candidate and design: whole cm/s from 0 [cm/s]."""
+    tops = [float(np.nanmax(v)) for v in (*data.speeds_cm_s, *(d.speed_cm_s for d in data.designs))
+            if v.size and np.isfinite(v).any()]  # fmt: skip
+    return np.arange(0.0, math.ceil(max(tops, default=1.0)) + 1.5)
+
+
+def shares(speed_cm_s: FloatArray, edges: FloatArray) -> FloatArray:
+    """Histogram in per cent of the whole ensemble; what is missing to 100 never touched."""
+    if speed_cm_s.size == 0:
+        return np.zeros(len(edges) - 1)
+    touched = speed_cm_s[np.isfinite(speed_cm_s)]
+    return np.asarray(100.0 * np.histogram(touched, edges)[0] / speed_cm_s.size)
+
+
+def speed_density(speed_cm_s: FloatArray, top_cm_s: float) -> tuple[FloatArray, FloatArray]:
+    """Kernel estimate of the density of V among the switches in contact: speeds [cm/s], density [1/(cm/s)].
+
+    Gaussian kernels with Silverman's width, mirrored at 0: a speed has no density below.
+    Empty where fewer than two different speeds exist.
+    """
+    v = speed_cm_s[np.isfinite(speed_cm_s)]
+    axis = np.arange(0.0, top_cm_s + SPEED_STEP_CM_S, SPEED_STEP_CM_S)
+    return (axis, gaussian_density(v, axis, mirror=0.0)) if v.size > 1 and np.ptp(v) > 0.0 else (axis[:0], axis[:0])
+
+
+def gaussian_density(sample: FloatArray, axis: FloatArray, *, mirror: float | None = None) -> FloatArray:
+    """Density of a sample on an axis, in one over the axis's unit. Binned first: cost does not grow with the sample."""
+    quartiles = np.quantile(sample, [0.25, 0.75])
+    spread = min(float(sample.std(ddof=1)), float(quartiles[1] - quartiles[0]) / 1.34 or math.inf)
+    width = 0.9 * spread * sample.size**-0.2
+    counts, edges = np.histogram(sample, 512)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+
+    def kernels(at: FloatArray) -> FloatArray:
+        z = (axis[:, None] - at[None]) / width
+        return np.asarray(np.exp(-0.5 * z * z) @ counts)
+
+    total = kernels(centres) + (kernels(2.0 * mirror - centres) if mirror is not None else 0.0)
+    return np.asarray(total / (sample.size * width * math.sqrt(2.0 * math.pi)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Convergence:
+    """g over the campaign."""
+
+    index: FloatArray
+    """(n,) candidates that have a g."""
+    g_cm_s: FloatArray
+    lower_cm_s: FloatArray
+    upper_cm_s: FloatArray
+    best_cm_s: FloatArray
+    """(n,) smallest g so far among the candidates of the same or a larger ensemble; a larger ensemble starts afresh."""
+    ceiling_cm_s: float
+    """Top of an axis that shows the progress; candidates above it are drawn at it."""
+    failed: FloatArray
+    """Indices without a g."""
+
+
+def convergence(data: ReportData) -> Convergence:
+    """g, its interval and the best so far."""
+    c = data.candidates.columns
+    usable = np.flatnonzero(np.isfinite(c["g_cm_s"]) & ~data.candidates.failed)
+    g = c["g_cm_s"][usable]
+    best, lowest, largest = np.empty(len(g)), math.inf, 0
+    for place, i in enumerate(usable):
+        n = int(data.candidates.n_switches[i])
+        if n > largest:
+            lowest, largest = math.inf, n
+        if n == largest:
+            lowest = min(lowest, float(g[place]))
+        best[place] = lowest
+    ceiling = 1.0
+    if len(g):
+        low = float(g.min())
+        ceiling = max(float(np.quantile(g, 0.6)), low + 10.0, 1.5 * low)
+        ceiling = min(ceiling * 1.05, float(g.max()) * 1.05)
+    return Convergence(
+        index=usable.astype(np.float64), g_cm_s=g, lower_cm_s=c["g_lower_cm_s"][usable],
+        upper_cm_s=c["g_upper_cm_s"][usable], best_cm_s=best, ceiling_cm_s=ceiling,
+        failed=np.setdiff1d(np.arange(len(data.candidates)), usable).astype(np.float64),
+    )  # fmt: skip
+
+
+ORIGINS: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    ("start", ("initial", "design", "sobol"), "circle-open"),
+    ("around the best", ("trust-region", "local", "simplex"), "circle"),
+    ("everywhere", ("global",), "diamond"),
+    ("finish", ("finish",), "star"),
+    ("other", (), "square-open"),
+)
+"""Groups of who proposed a candidate, and the marker of each."""
+
+
+def origin_group(origin: str) -> str:
+    """The group that an origin counts to."""
+    for name, starts, _ in ORIGINS:
+        if any(origin.startswith(start) for start in starts):
+            return name
+    return "other"
+
+
+def length_scales(data: ReportData) -> dict[str, FloatArray]:
+    """(n_candidate,) length scale of each parameter, NaN where no surrogate was asked; pulse by pulse."""
+    prefix = "length_scale_"
+    found = {name.removeprefix(prefix): values for name, values in data.candidates.surrogate.items()
+             if name.startswith(prefix) and np.isfinite(values).any()}  # fmt: skip
+    return dict(sorted(found.items(), key=lambda item: (item[0][-1], item[0])))
+
+
+def dependence_span(d: Dependence) -> tuple[float, float]:
+    """One axis of g for all parameters: every mean line, and bands of no more than twice their height [cm/s]."""
+    lines = np.concatenate([d.mean_cm_s.ravel(), d.slice_cm_s.ravel()])
+    low, high = float(lines.min()), float(lines.max())
+    pad = 0.5 * max(high - low, 0.5)
+    return max(low - pad, 0.0), high + pad

@@ -1,0 +1,166 @@
+"""Owns the words and numbers of the report: headline, metrics of one candidate, rows of the table, provenance."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+from softclose.objective import Assessment
+from softclose_workflows.certify import Certification
+from softclose_workflows.report.data import ReportData
+from softclose_workflows.report.labels import interval, number, percent, percent_interval
+
+
+def headline(data: ReportData) -> dict[str, Any]:
+    """The figures on top, certified ones where there are any, and what to think of them."""
+    designs, certification = data.judged_designs, data.certification
+    if not designs:
+        return {"cards": [], "certified": None, "n": 0, "valid": True, "compared": "", "confidence": 95.0}
+    a = designs[0].assessment
+    compared = [
+        f"{100.0 * (1.0 - a.v_u_cm_s / d.assessment.v_u_cm_s):.0f}\u202f% below the {d.name} "
+        f"({number(d.assessment.v_u_cm_s)} cm/s)"
+        for d in designs[1:]
+        if math.isfinite(a.v_u_cm_s) and a.v_u_cm_s < d.assessment.v_u_cm_s
+    ]
+    return {
+        "cards": _cards(data, a), "valid": a.intervals_valid, "n": a.n, "compared": " and ".join(compared),
+        "confidence": 100.0 * a.confidence,
+        "certified": None if certification is None else _certified(data, certification),
+    }  # fmt: skip
+
+
+def _certified(data: ReportData, c: Certification) -> dict[str, Any]:
+    """The certified designs, best first, then the references; and whether the campaign went on since."""
+    rows = [
+        {
+            "name": d.name,
+            "training": number(d.training.g_cm_s, 2) if d.training is not None else "–",
+            "g": number(d.assessment.g_cm_s, 2),
+            "g_interval": interval(*d.assessment.g_interval, 2),
+            "flattery": f"{d.flattery_cm_s:+.2f}".replace("-", "−") if d.training is not None else "–",
+            "v_u": number(d.assessment.v_u_cm_s, 2),
+            "v_u_interval": interval(*d.assessment.v_u_interval, 2),
+            "mean": number(d.assessment.mean_cm_s, 2),
+            "p_nc": percent(d.assessment.p_nc, 2),
+        }
+        for d in (*c.candidates, *c.references)
+    ]
+    return {"rows": rows, "best": c.best.candidate, "incumbent": c.incumbent, "stale": data.n_committed - c.committed}
+
+
+def _cards(data: ReportData, a: Assessment) -> list[dict[str, str]]:
+    def bounds(text: str) -> str:
+        return text if a.intervals_valid else ""
+
+    digits = 2 if a.n >= 20_000 else 1
+    cards = [
+        {"title": "Upper velocity", "value": f"{number(a.v_u_cm_s, digits)} cm/s",
+         "interval": bounds(interval(*a.v_u_interval, digits)),
+         "what": f"{100.0 * a.level:g}\u202f% of the switches that touch stay at or below it"},
+        {"title": "Mean contact speed", "value": f"{number(a.mean_cm_s, digits)} cm/s",
+         "interval": bounds(interval(*a.mean_interval, digits)), "what": "over the switches that touch"},
+        {"title": "Not closed", "value": percent(a.p_nc, digits),
+         "interval": bounds(percent_interval(*a.p_nc_intervals.wilson, digits)),
+         "what": f"not held in contact at {data.config.model.horizon_us:g} µs"},
+    ]  # fmt: skip
+    cards += [
+        {"title": f"Faster than {e.limit_cm_s:g} cm/s", "value": percent(e.probability.estimate, digits),
+         "interval": bounds(percent_interval(*e.probability.wilson, digits)), "what": "of the switches that touch"}
+        for e in a.p_exceed[:1]
+    ]  # fmt: skip
+    return cards
+
+
+def metrics(data: ReportData, i: int) -> list[list[str]]:
+    """(name, value, interval) of one candidate, as shown beside its waveform."""
+    c = {name: float(values[i]) for name, values in data.candidates.columns.items()}
+    rows = [
+        ["objective g", f"{number(c['g_cm_s'], 2)} cm/s", interval(c["g_lower_cm_s"], c["g_upper_cm_s"], 2)],
+        ["upper velocity", f"{number(c['v_u_cm_s'], 2)} cm/s", interval(c["v_u_lower_cm_s"], c["v_u_upper_cm_s"], 2)],
+        ["mean V", f"{number(c['mean_cm_s'], 2)} cm/s", interval(c["mean_lower_cm_s"], c["mean_upper_cm_s"], 2)],
+        ["largest V", f"{number(c['max_cm_s'], 2)} cm/s", ""],
+        ["not closed", percent(c["p_nc"], 2), percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"], 2)],
+        ["made contact", percent(c["p_contact"], 2), ""],
+    ]
+    for limit in data.config.objective.limits_cm_s:
+        name = f"{limit:g}"
+        rows.append([
+            f"faster than {name} cm/s", percent(c[f"p_exceed_{name}"], 2),
+            percent_interval(c[f"p_exceed_wilson_lower_{name}"], c[f"p_exceed_wilson_upper_{name}"], 2),
+        ])  # fmt: skip
+    if data.config.population.sampling != "monte-carlo":
+        rows = [[name, value, ""] for name, value, _ in rows]
+    return [*rows, ["switches", f"{int(data.candidates.n_switches[i]):,}".replace(",", "\u202f"), ""]]
+
+
+def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
+    """Rows of the table, the best first; each cell has its text and the number that it sorts by."""
+    t, rows = data.candidates, []
+    ranked = sorted(range(len(t)), key=lambda i: (math.isnan(t.columns["g_cm_s"][i]), t.columns["g_cm_s"][i]))
+    place = {i: rank for rank, i in enumerate(ranked)}
+    limit = f"{data.config.objective.limits_cm_s[0]:g}" if data.config.objective.limits_cm_s else ""
+    for i in ranked:
+        c = {name: float(values[i]) for name, values in t.columns.items()}
+        cells = [
+            _cell(c["g_cm_s"], number(c["g_cm_s"], 2), interval(c["g_lower_cm_s"], c["g_upper_cm_s"])),
+            _cell(c["v_u_cm_s"], number(c["v_u_cm_s"], 2), interval(c["v_u_lower_cm_s"], c["v_u_upper_cm_s"])),
+            _cell(c["mean_cm_s"], number(c["mean_cm_s"], 2)),
+            _cell(c["p_nc"], number(100.0 * c["p_nc"], 1),
+                  percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"]).removesuffix("\u202f%")),
+        ]  # fmt: skip
+        if limit:
+            cells.append(_cell(c[f"p_exceed_{limit}"], number(100.0 * c[f"p_exceed_{limit}"], 1)))
+        cells.append(_cell(float(t.n_switches[i]), str(int(t.n_switches[i]))))
+        rows.append({
+            "index": i, "origin": t.origin[i], "note": t.note[i], "failed": bool(t.failed[i]), "cells": cells,
+            "best": i == data.best, "beyond_print": place[i] >= 30,
+        })  # fmt: skip
+    return rows
+
+
+def _cell(value: float, text: str, small: str = "") -> dict[str, str]:
+    return {"sort": "" if math.isnan(value) else repr(value), "text": text, "small": small}
+
+
+def provenance(data: ReportData) -> dict[str, Any]:
+    """What this was computed from, with what, where and when."""
+    config, runtime = data.config, data.runtime
+    runs = runtime.get("runs") or [runtime]
+    latest = runs[-1] if isinstance(runs[-1], dict) else runtime
+    wall = data.candidates.columns.get("wall_simulate_s")
+    facts = [
+        ("Store", data.source),
+        ("Fingerprint of the configuration", data.fingerprint),
+        ("Seed", str(config.campaign.seed)),
+        ("Population", f"{config.population.name}, {config.population.sampling} sampling"),
+        ("Search space", config.waveform.space),
+        ("Engine", config.optimiser.engine),
+        ("Candidates", f"{data.n_committed} of {data.n_total}"),
+        ("Runs", f"{len(runs)}, the last started {latest.get('started', 'at an unknown time')}"),
+        ("Machine", ", ".join(str(latest[k]) for k in ("processor", "machine", "system") if latest.get(k))),
+        ("Time spent proposing", _duration(data.candidates.columns.get("wall_propose_s"))),
+        ("Time from proposal to result", _duration(wall)),
+        ("Report written", time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())),
+    ]
+    versions = latest.get("versions") or runtime.get("versions") or {}
+    sections = [
+        (name, [(key, _plain(value)) for key, value in table.items()])
+        for name, table in config.to_dict().items()
+        if isinstance(table, dict)
+    ]
+    return {"facts": facts, "versions": sorted((str(k), str(v)) for k, v in versions.items()), "sections": sections}
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {_plain(v)}" for k, v in value.items())
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _duration(seconds: Any) -> str:
+    if seconds is None or not len(seconds):
+        return "–"
+    total = float(seconds[[math.isfinite(v) for v in seconds]].sum())
+    return f"{total:.1f} s" if total < 120 else f"{total / 60:.1f} min"
