@@ -76,6 +76,7 @@ COMMANDS = (
     "completion",
     "export",
     "report",
+    "reproduce",
     "rescore",
     "resume",
     "run",

@@ -1,0 +1,49 @@
+"""Owns `softclose reproduce`."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from softclose_workflows.commands.options import placement_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.executors import Placement
+
+
+@click.command(
+    epilog="\b\nExamples:\n  softclose reproduce --out runs/study\n  softclose reproduce --out runs/quick --quick"
+)
+@click.option("--out", default="runs/reproduce", show_default=True, metavar="DIR", help="Folder of stores and results.")
+@click.option("--quick", is_flag=True, help="Small budgets and ensembles: a smoke test, not a result.")
+@click.option("--switches", type=click.IntRange(min=1), help="Fresh switches of each certification [100,000].")
+@click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting of all.")
+@placement_options
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+@quiet_option
+def reproduce(out: str, quick: bool, switches: int | None, overrides: tuple[str, ...], placement: Placement, as_json: bool,
+              quiet: bool) -> None:  # fmt: skip
+    """Reproduce the published study: every design optimised, certified, and set beside the printed figures.
+
+    Stopped or killed, the same command continues; what is finished is not computed again.
+    """
+    import os
+
+    from softclose_workflows.reproduce import QUICK, QUICK_SWITCHES, print_reproduction, to_json
+    from softclose_workflows.reproduce import reproduce as run
+    from softclose_workflows.series import Effort
+
+    started = time.monotonic()
+    effort = Effort(
+        n_switches=switches or (QUICK_SWITCHES if quick else 100_000), top=3 if quick else 10, placement=placement,
+        threads=os.cpu_count() or 1, quiet=quiet or as_json,
+    )  # fmt: skip
+    rows = run(out, effort, (*(QUICK if quick else ()), *overrides))
+    if as_json:
+        click.echo(json.dumps(to_json(rows), indent=2, allow_nan=False))
+        return
+    print_reproduction(rows)
+    click.echo(f"{out}: table.txt, table.json, figures, stores; {time.monotonic() - started:.0f} s in this run")
