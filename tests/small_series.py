@@ -8,7 +8,7 @@ from softclose.config import load_config
 from softclose_store import DriverStore
 from softclose_workflows.campaign import Campaign
 from softclose_workflows.drive import create_store
-from softclose_workflows.executors import open_executor
+from softclose_workflows.executors import Placement, open_executor
 from softclose_workflows.presets import find_preset
 
 SETTINGS = (
@@ -26,6 +26,6 @@ def small_campaign(path: Path, *settings: str, run: bool = True) -> str:
     """The path of a campaign that has run to its end, or (run=False) has only been created."""
     create_store(load_config(find_preset("current"), (*SETTINGS, *settings)), str(path))
     if run:
-        with DriverStore(str(path)) as store, open_executor(None, None, serial=True) as executor:
+        with DriverStore(str(path)) as store, open_executor(Placement(serial=True)) as executor:
             Campaign(store, executor).run()
     return str(path)

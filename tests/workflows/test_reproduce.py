@@ -20,7 +20,7 @@ TINY = (
     "campaign.budget=3", "population.n_switches=40", "finish.budget=0", "compute.chunk_switches=0",
     "store.n_times=6", "optimiser.engine=sobol",
 )  # fmt: skip
-EFFORT = Effort(n_switches=300, top=1, placement=Placement(serial=True), quiet=True)
+EFFORT = Effort(n_switches=200, top=10, placement=Placement(serial=True), quiet=True)
 
 
 def test_every_published_figure_has_a_case() -> None:
@@ -75,7 +75,7 @@ def test_table_sets_published_figures_beside_ours(folder: Path) -> None:
 def test_command_prints_json(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("softclose_workflows.reproduce_figures.draw_all", lambda folder, rows: [])
     sets = [part for setting in TINY for part in ("--set", setting)]
-    asked = ["reproduce", "--out", str(folder), "--serial", "--switches", "300", *sets]
+    asked = ["reproduce", "--out", str(folder), "--serial", "--switches", "200", *sets]
     done = CliRunner().invoke(main, [*asked, "--json"])
     assert done.exit_code == 0, done.output
     assert len(json.loads(done.stdout)["cases"]) == len(CASES)

@@ -14,13 +14,14 @@ from small_series import SETTINGS
 from softclose import load_population
 from softclose.config import ConfigError
 from softclose_workflows.cli import main
+from softclose_workflows.executors import Placement
 from softclose_workflows.series import Effort
 from softclose_workflows.study import run_study
 from softclose_workflows.study_file import FOLDER, load_study
 from stores import differences
 
 SMALL = (*SETTINGS, "campaign.budget=3")
-EFFORT = Effort(n_switches=150, top=1, serial=True, quiet=True)
+EFFORT = Effort(n_switches=150, top=1, placement=Placement(serial=True), quiet=True)
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda p: p.stem)

@@ -6,7 +6,7 @@ import difflib
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
@@ -45,7 +45,7 @@ class Effort:
     """Fresh switches of each certification."""
     top: int = 10
     """Candidates certified in each campaign."""
-    placement: Placement = Placement()
+    placement: Placement = field(default_factory=Placement)
     """Where chunks are computed."""
     threads: int = 1
     """Threads of a certification."""

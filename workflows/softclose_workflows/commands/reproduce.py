@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 @placement_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
-def reproduce(out: str, quick: bool, switches: int | None, overrides: tuple[str, ...], placement: Placement, as_json: bool,
-              quiet: bool) -> None:  # fmt: skip
+def reproduce(out: str, quick: bool, switches: int | None, overrides: tuple[str, ...], placement: Placement,
+              as_json: bool, quiet: bool) -> None:  # fmt: skip
     """Reproduce the published study: every design optimised, certified, and set beside the printed figures.
 
     Stopped or killed, the same command continues; what is finished is not computed again.
