@@ -45,8 +45,15 @@ def test_presets_are_what_their_names_say() -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def monkeypatch_module() -> Iterator[pytest.MonkeyPatch]:
+    with pytest.MonkeyPatch.context() as patch:
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch_module: pytest.MonkeyPatch) -> Path:
     out = tmp_path_factory.mktemp("reproduce")
+    monkeypatch_module.setattr("softclose_workflows.reproduce_figures.N_DRAWN", 3)
     reproduce(out, EFFORT, TINY)
     return out
 
