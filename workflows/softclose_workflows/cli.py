@@ -82,6 +82,7 @@ COMMANDS = (
     "run",
     "status",
     "study",
+    "verify",
 )
 """Modules of `commands`; each holds a command of its own name."""
 

@@ -33,33 +33,31 @@ def create_store(config: CampaignConfig, path: str) -> None:
 
     Raises a StoreError where the store holds something else, and names what differs.
     """
+    try:
+        create_campaign(
+            path,
+            layout=_layout(config),
+            config=config.to_dict(),
+            fingerprint=config.fingerprint(),
+            durable=config.store.durable,
+            population=population_columns(config),
+            runtime=runtime(),
+            exist_ok=True,
+        )
+    except OSError as e:
+        raise StoreError(f"no store can be created at {path}: {e.strerror or e}; give a writable path") from e
+
+
+def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
+    """The campaign's whole ensemble: columns D, G, E, T, K, M, (n_switches_max,) each."""
     population = config.build_population()
-    n = config.n_switches_max
-    seed, sampling = config.campaign.seed, config.population.sampling
+    n, seed, sampling = config.n_switches_max, config.campaign.seed, config.population.sampling
     parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
     switches = population.sample(n, seed=seed, sampling=sampling)
-    try:
-        _create(config, path, parameters, switches)
-    except OSError as e:
-        raise StoreError(
-            f"no store can be created at {path}: {e.strerror or e}; give a path that can be written"
-        ) from e
-
-
-def _create(config: CampaignConfig, path: str, parameters: FloatArray, switches: FloatArray) -> None:
-    create_campaign(
-        path,
-        layout=_layout(config),
-        config=config.to_dict(),
-        fingerprint=config.fingerprint(),
-        durable=config.store.durable,
-        population={
-            "D": parameters[:, 0], "G": parameters[:, 1], "E": parameters[:, 2], "T": parameters[:, 3],
-            "K": switches[:, 2], "M": switches[:, 3],
-        },
-        runtime=runtime(),
-        exist_ok=True,
-    )  # fmt: skip
+    return {
+        "D": parameters[:, 0], "G": parameters[:, 1], "E": parameters[:, 2], "T": parameters[:, 3],
+        "K": switches[:, 2], "M": switches[:, 3],
+    }  # fmt: skip
 
 
 def _layout(config: CampaignConfig) -> Layout:

@@ -42,7 +42,7 @@ class Proposer:
         return proposal
 
     def from_history(self, i: int, history: Sequence[Observation]) -> Proposal:
-        """Candidate i as it was proposed, from the records 0 … i - 1: of those newer than i - lag only the waveforms."""
+        """Candidate i as it was proposed, from the records 0 … i - 1; of the newest `lag` - 1 only the waveforms."""
         known = max(i - self._problem.config.campaign.lag + 1, 0)
         return self.propose(i, history[:known], [o.waveform for o in history[known:i]])
 

@@ -1,0 +1,227 @@
+"""Claims about what a run does when its workers, its scheduler, its disk or its user fail it: DESIGN §5."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from campaigns import command, run_arguments, softclose
+from softclose_store import open_campaign
+from stores import differences
+from test_contracts import wait_for_commits
+
+
+def start(store: Path, *arguments: str, env: dict[str, str] | None = None) -> subprocess.Popen[bytes]:
+    """Start the small campaign; the caller ends it."""
+    return subprocess.Popen(
+        command(*run_arguments(store), *arguments), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env=os.environ | (env or {}),
+    )  # fmt: skip
+
+
+@contextmanager
+def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subprocess.Popen[bytes]]]:
+    """An external scheduler with one worker: (address, scheduler, worker)."""
+    file = folder / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    scheduler = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
+         "--no-dashboard", "--scheduler-file", str(file)], **quiet,
+    )  # fmt: skip
+    worker = None
+    try:
+        deadline = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+        worker = subprocess.Popen(
+            [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard",
+             "--nthreads", "1", "--host", "127.0.0.1"], **quiet,
+        )  # fmt: skip
+        yield address, scheduler, worker
+    finally:
+        for process in (worker, scheduler):
+            if process is not None:
+                process.kill()
+                process.wait()
+
+
+def test_a_chunk_that_kills_every_worker_fails_its_candidate_and_the_campaign_goes_on(tmp_path: Path) -> None:
+    """Each worker dies at its first marker; `campaign.budget` shows that the second candidate was tried too."""
+    store = tmp_path / "a.zarr"
+    settings = ("campaign.budget=2", "population.n_switches=20", "optimiser.n_initial=2")
+    done = softclose(
+        *run_arguments(store, *settings), "--workers", "1", env={"SOFTCLOSE_FAULT": "before-marker:1"}, timeout=280
+    )
+    assert done.returncode == 0, done.stderr
+    records = open_campaign(store).records()
+    assert records["failed"].tolist() == [True, True]
+    assert all("killed 4 workers" in reason for reason in records["failure"])
+    assert json.loads(softclose("status", str(store), "--json").stdout)["failed"] == 2
+
+
+def test_a_campaign_on_an_existing_cluster_gives_the_same_store(tmp_path: Path, reference_store: Path) -> None:
+    store = tmp_path / "a.zarr"
+    with cluster(tmp_path) as (address, _, _):
+        done = softclose(*run_arguments(store), "--scheduler", address)
+    assert done.returncode == 0, done.stderr
+    assert differences(reference_store, store) == []
+
+
+@pytest.mark.parametrize("victim", ["worker", "scheduler"])
+def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
+    victim: str, tmp_path: Path, reference_store: Path
+) -> None:
+    store = tmp_path / "a.zarr"
+    with cluster(tmp_path) as (address, scheduler, worker):
+        run = start(store, "--scheduler", address, "--patience", "3")
+        wait_for_commits(store, 2, run)
+        (worker if victim == "worker" else scheduler).kill()
+        _, stderr = run.communicate(timeout=60)
+    assert run.returncode == 3
+    assert f"softclose resume {store}" in stderr.decode()
+    done = softclose("resume", str(store), "--serial", "--quiet")
+    assert done.returncode == 0, done.stderr
+    assert differences(reference_store, store) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_first_signal_finishes_what_is_in_flight(
+    number: signal.Signals, tmp_path: Path, reference_store: Path
+) -> None:
+    store = tmp_path / "a.zarr"
+    run = start(store, "--workers", "1")
+    wait_for_commits(store, 2, run)
+    run.send_signal(number)
+    _, stderr = run.communicate(timeout=60)
+    assert run.returncode == 3, stderr.decode()
+    assert f"{number.name} received" in stderr.decode()
+    campaign = open_campaign(store)
+    assert 2 <= campaign.committed < campaign.budget
+    done = softclose("resume", str(store), "--serial", "--quiet")
+    assert done.returncode == 0, done.stderr
+    assert differences(reference_store, store) == []
+
+
+def test_a_full_disk_stops_cleanly_and_room_lets_it_go_on(tmp_path: Path, reference_store: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("needs the right to mount a tmpfs")
+    try:
+        store = disk / "a.zarr"
+        full = softclose(*run_arguments(store), "--serial")
+        assert full.returncode == 3, full.stderr
+        assert "No space left on device" in full.stderr
+        assert f"softclose resume {store}" in full.stderr
+        assert softclose("verify", str(store)).returncode == 0
+        subprocess.run(["mount", "-o", "remount,size=64m", str(disk)], check=True)
+        done = softclose("resume", str(store), "--serial", "--quiet")
+        assert done.returncode == 0, done.stderr
+        assert differences(reference_store, store) == []
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=False)
+
+
+def test_a_disk_that_fills_up_inside_a_worker_stops_the_run(tmp_path: Path, reference_store: Path) -> None:
+    store = tmp_path / "a.zarr"
+    full = softclose(
+        *run_arguments(store), "--workers", "1", env={"SOFTCLOSE_FAULT": "inside-chunk-write:40:raise-enospc"}
+    )
+    assert full.returncode == 3, full.stderr
+    assert softclose("resume", str(store), "--serial", "--quiet").returncode == 0
+    assert differences(reference_store, store) == []
+
+
+def test_a_second_driver_is_refused_by_name(tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    run = start(store, "--serial")
+    try:
+        wait_for_commits(store, 1, run)
+        second = softclose("resume", str(store), "--serial")
+    finally:
+        run.kill()
+        run.wait()
+    assert second.returncode == 2
+    assert str(run.pid) in second.stderr
+
+
+def test_everything_that_listens_listens_on_loopback(tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    run = start(store, "--workers", "2")
+    try:
+        wait_for_commits(store, 1, run)
+        family = [psutil.Process(run.pid), *psutil.Process(run.pid).children(recursive=True)]
+        listening = {
+            c.laddr.ip for p in family for c in p.net_connections(kind="inet") if c.status == psutil.CONN_LISTEN
+        }
+    finally:
+        run.kill()
+        run.wait()
+    assert listening == {"127.0.0.1"}
+
+
+def test_an_engine_that_fails_is_replaced_and_the_record_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from softclose.config import load_config
+    from softclose.propose import protocol
+    from softclose_workflows import proposals
+    from softclose_workflows.drive import drive
+    from softclose_workflows.executors import Placement
+
+    class Broken:
+        def propose(self, *_: object) -> protocol.Proposal:
+            raise FloatingPointError("the covariance is not positive definite")
+
+    real = protocol.load_engine
+    monkeypatch.setattr(proposals, "load_engine", lambda name: Broken() if name == "skopt" else real(name))
+    config = load_config({}, [s for s in run_arguments(tmp_path)[5::2] if "=" in s])
+    drive(str(tmp_path / "a.zarr"), Placement(serial=True), config=config, quiet=True)
+    records = open_campaign(tmp_path / "a.zarr").records()
+    assert all(origin.startswith("fallback") for origin in records["origin"])
+    assert all("the covariance is not positive definite" in note for note in records["note"])
+    assert not records["failed"].any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--set", "campaign.seed=2"], "campaign.seed: the store has 1, this configuration 2"),
+        (["--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler answers at tcp://127.0.0.1:9"),
+        (["--workers", "0"], "--workers is 0"),
+        (["--set", "waveform.initial=[[[0,2.5,3,100]]]"], "rise times below 4 µs"),
+        (["--set", "waveform.initial=[[[0,4,3,160]]]"], "may not exceed 150 V"),
+        (["--set", "population.n_switches=many"], "population.n_switches is 'many'"),
+    ],
+)
+def test_bad_input_is_one_message_and_changes_nothing(
+    arguments: list[str], message: str, tmp_path: Path, reference_store: Path
+) -> None:
+    exists = "campaign.seed" in arguments[1]
+    store = reference_store if exists else tmp_path / "a.zarr"
+    before = {f: f.stat().st_mtime_ns for f in store.rglob("*")} if exists else {}
+    done = softclose(*run_arguments(store), *arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert ({f: f.stat().st_mtime_ns for f in store.rglob("*")} if exists else {}) == before
+    assert exists or not store.exists()
+
+
+def test_populations_with_a_travel_beyond_the_gap_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_text('name = "bad"\nbase = "current"\n[D]\nlower = 2.3\nupper = 3.8\nmean = 2.5\n')
+    done = softclose(*run_arguments(tmp_path / "a.zarr", f"population.name={tmp_path / 'p.toml'}"), "--serial")
+    assert done.returncode == 2
+    assert "every switch needs D < G" in done.stderr
