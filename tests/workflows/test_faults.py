@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from campaigns import command, run_arguments, softclose
+from campaigns import SMALL, command, run_arguments, softclose
 from softclose_store import open_campaign
 from stores import differences
 from test_contracts import wait_for_commits
@@ -152,7 +152,7 @@ def test_a_second_driver_is_refused_by_name(tmp_path: Path) -> None:
         second = softclose("resume", str(store), "--serial")
     finally:
         run.kill()
-        run.wait()
+        run.communicate()
     assert second.returncode == 2
     assert str(run.pid) in second.stderr
 
@@ -168,7 +168,7 @@ def test_everything_that_listens_listens_on_loopback(tmp_path: Path) -> None:
         }
     finally:
         run.kill()
-        run.wait()
+        run.communicate()
     assert listening == {"127.0.0.1"}
 
 
@@ -187,7 +187,7 @@ def test_an_engine_that_fails_is_replaced_and_the_record_says_so(
 
     real = protocol.load_engine
     monkeypatch.setattr(proposals, "load_engine", lambda name: Broken() if name == "skopt" else real(name))
-    config = load_config({}, [s for s in run_arguments(tmp_path)[5::2] if "=" in s])
+    config = load_config({}, SMALL)
     drive(str(tmp_path / "a.zarr"), Placement(serial=True), config=config, quiet=True)
     records = open_campaign(tmp_path / "a.zarr").records()
     assert all(origin.startswith("fallback") for origin in records["origin"])
@@ -221,7 +221,9 @@ def test_bad_input_is_one_message_and_changes_nothing(
 
 
 def test_populations_with_a_travel_beyond_the_gap_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "p.toml").write_text('name = "bad"\nbase = "current"\n[D]\nlower = 2.3\nupper = 3.8\nmean = 2.5\n')
+    (tmp_path / "p.toml").write_text(
+        'name = "bad"\nbase = "current"\n[D]\ndistribution = "beta"\nlower = 2.3\nupper = 3.8\nmean = 2.5\n'
+    )
     done = softclose(*run_arguments(tmp_path / "a.zarr", f"population.name={tmp_path / 'p.toml'}"), "--serial")
     assert done.returncode == 2
     assert "every switch needs D < G" in done.stderr
