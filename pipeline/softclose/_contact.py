@@ -35,6 +35,8 @@ def first_contact(x, h, depth, launched, v_end, bend):  # type: ignore[no-untype
         if f <= 0.0:
             return tau, max(v, 0.0)
         root = math.sqrt(v * v + 2.0 * bend * f)
+        if root == 0.0:  # at rest with no force
+            return NONE, 0.0
         # The two forms of the root avoid cancellation for either sign of v.
         s = 2.0 * f / (root + v) if v > 0.0 else (root - v) / bend
         tau += s

@@ -73,3 +73,85 @@ def test_an_empty_ensemble_gives_empty_responses():
     assert response.max_contact_speed.shape == (0,)
     assert response.x is not None
     assert response.x.shape == (0, 2)
+
+
+def mixed_ensemble() -> tuple[np.ndarray, Waveform]:
+    """Switches that stay open, bounce, close and are released, under overlapping pulses."""
+    table = np.random.default_rng(11).uniform((1.8, 3.6, 45.0, 2.8), (2.8, 4.4, 90.0, 4.2), size=(97, 4))
+    return table, Waveform([Pulse(0, 5, 9, 118), Pulse(40, 20, 60, 70), Pulse(125, 9, math.inf, 60)])
+
+
+def assert_same_bits(a, b, rows=slice(None)):
+    for name in (
+        "max_contact_speed", "first_contact_us", "settling_us", "closed", "n_impacts", "final_x", "final_v", "status",
+    ):  # fmt: skip
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name)[rows], err_msg=name)
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+def test_a_switch_gives_the_same_bits_whatever_else_is_asked(method):
+    table, waveform = mixed_ensemble()
+    times = np.linspace(0.0, 250.0, 501)
+    plain = simulate(table, waveform, method=method)
+    assert 0.1 < plain.closed.mean() < 0.9
+    for extra in (
+        {"times_us": times},
+        {"times_us": times, "dtype": np.float32},
+        {"max_impacts": 40},
+        {"times_us": times[::7], "max_impacts": 3, "threads": 2},
+    ):
+        assert_same_bits(simulate(table, waveform, method=method, **extra), plain)
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+def test_a_switch_gives_the_same_bits_in_any_chunk_and_on_any_number_of_threads(method):
+    table, waveform = mixed_ensemble()
+    wanted = {"method": method, "times_us": np.linspace(0.0, 250.0, 101), "max_impacts": 16}
+    whole = simulate(table, waveform, **wanted)
+    for start, stop in ((0, 1), (1, 8), (8, 97), (50, 51)):
+        part = simulate(table[start:stop], waveform, **wanted)
+        assert_same_bits(part, whole, slice(start, stop))
+        for name in ("x", "v", "impact_time_us", "impact_speed"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[start:stop], err_msg=name)
+    threaded = simulate(table[::-1], waveform, threads=3, **wanted)
+    assert_same_bits(threaded, whole, slice(None, None, -1))
+    np.testing.assert_array_equal(threaded.x, whole.x[::-1])
+
+
+def test_samples_pass_through_the_impacts_and_agree_with_the_twin():
+    table, waveform = mixed_ensemble()
+    times = np.linspace(0.0, 250.0, 1001)
+    a = simulate(table, waveform, times_us=times, max_impacts=64, rtol=1e-11)
+    b = simulate(table, waveform, times_us=times, method="rk", rtol=1e-11)
+    assert (a.x <= table[:, :1] + 1e-7).all()
+    np.testing.assert_array_equal(a.n_impacts, b.n_impacts)
+    np.testing.assert_allclose(a.x, b.x, atol=1e-6)
+    # Right at an impact a shift of 1e-9 µs exchanges the velocities before and after.
+    near = np.abs(a.impact_time_us[:, :, None] - times) < 1e-6
+    far = ~np.nan_to_num(near).any(axis=1)
+    np.testing.assert_allclose(np.where(far, a.v, 0.0), np.where(far, b.v, 0.0), atol=1e-6)
+    held = times >= a.settling_us[:, None]
+    assert (a.x[held] == np.broadcast_to(table[:, :1], a.x.shape)[held]).all()
+    assert (a.v[held & far] == 0.0).all()
+    np.testing.assert_array_equal(a.x[:, -1], a.final_x)
+
+
+def test_samples_in_float32_are_the_rounded_float64_ones():
+    table, waveform = mixed_ensemble()
+    times = np.linspace(0.0, 250.0, 251)
+    fine = simulate(table, waveform, times_us=times)
+    coarse = simulate(table, waveform, times_us=times, dtype=np.float32)
+    assert coarse.x.dtype == np.float32
+    np.testing.assert_allclose(coarse.x, fine.x, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(coarse.v, fine.v, rtol=1e-6, atol=1e-7)
+
+
+def test_impacts_beyond_max_impacts_are_counted_but_not_kept():
+    r = simulate(SWITCH, STEP, max_impacts=3)
+    many = simulate(SWITCH, STEP, max_impacts=40)
+    n = int(many.n_impacts[0])
+    assert 3 < n < 40
+    assert r.n_impacts[0] == n
+    np.testing.assert_array_equal(r.impact_time_us[0], many.impact_time_us[0, :3])
+    assert np.isnan(many.impact_time_us[0, n:]).all()
+    assert simulate(SWITCH, STEP).impact_time_us is None

@@ -1,0 +1,71 @@
+"""Claims about the kernels' code: generated files are current, the cache follows the source, plain Python agrees."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from softclose import _source, _taylor
+
+ROOT = Path(__file__).parents[2]
+
+PROGRAM = """
+import math, sys
+import numpy as np
+from softclose import Pulse, Waveform, simulate
+waveform = Waveform([Pulse(0, 5, 9, 118), Pulse(40, 20, math.inf, 70)])
+table = np.array([[2.43, 3.68, 65.3, 3.41], [1.9, 4.0, 60.0, 3.2], [2.7, 3.7, 80.0, 3.5]])
+for method in ("taylor", "rk"):
+    r = simulate(table, waveform, method=method, rtol=1e-8, times_us=[10.0, 80.0, 200.0], max_impacts=4)
+    for a in (r.max_contact_speed, r.first_contact_us, r.settling_us, r.n_impacts, r.closed, r.x, r.impact_speed):
+        print(*[f"{v:.6f}" for v in np.ravel(a).astype(float)])
+"""
+
+
+def test_the_series_are_what_their_generator_writes():
+    path = ROOT / "scripts" / "generate_series.py"
+    spec = importlib.util.spec_from_file_location("generate_series", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert module.TARGET.read_text(encoding="utf-8") == module.render(), "run: python scripts/generate_series.py"
+
+
+def test_the_cached_code_is_keyed_by_the_source_of_all_kernel_files():
+    # numba keys its cache by what a function closes over, not by the files of the functions that it calls.
+    function = getattr(_taylor.run_block, "py_func", _taylor.run_block)
+    assert [cell.cell_contents for cell in function.__closure__] == [_source.fingerprint()]
+
+
+def test_the_series_of_the_motion_match_finite_differences():
+    # An outside check of the recurrences: x'' of the polynomial is Eq. 1's right-hand side along it.
+    from softclose._series import constant, drive, evaluate, flight_driven
+
+    x0, v0, gap, c, k, omega = 0.7, 0.1, 3.7, 2.2e-5, 0.019, 0.5
+    u = drive(constant(50.0), 40.0 * np.cos(0.3), 40.0 * np.sin(0.3), omega)
+    series = flight_driven(x0, v0, u, gap, c, k)
+    d = 1e-4
+    for h in (0.1, 0.4, 0.8):
+        x, _ = evaluate(series, h)
+        acceleration = (evaluate(series, h + d)[1] - evaluate(series, h - d)[1]) / (2 * d)
+        volts = 50.0 + 40.0 * np.cos(omega * h + 0.3)
+        np.testing.assert_allclose(acceleration, c * (volts / (gap - x)) ** 2 - k * x, rtol=1e-8)
+
+
+def test_plain_python_gives_the_same_answers_as_compiled_code():
+    answers = []
+    for disable in ("0", "1"):
+        env = {**os.environ, "NUMBA_DISABLE_JIT": disable}
+        env["PYTHONPATH"] = os.pathsep.join([str(ROOT / "pipeline"), env.get("PYTHONPATH", "")])
+        run = subprocess.run(
+            [sys.executable, "-W", "error", "-c", PROGRAM], env=env, capture_output=True, text=True, check=True
+        )
+        answers.append(run.stdout)
+    assert answers[0] == answers[1]
+    assert answers[0].count("\n") == 14
