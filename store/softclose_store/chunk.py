@@ -18,6 +18,7 @@ from softclose_store import digests, faults
 from softclose_store.errors import LayoutError
 from softclose_store.files import StorePath, normalised, open_files, read_key, run_here
 from softclose_store.layout import MARKER, ArraySpec, Layout
+from softclose_store.pipeline import PIPELINE
 from softclose_store.root import read_root
 
 _opening = threading.Lock()
@@ -106,7 +107,7 @@ def _cast(spec: ArraySpec, values: NDArray[Any]) -> NDArray[Any]:
 
 def open_arrays(files: Store, names: tuple[str, ...]) -> dict[str, zarr.AsyncArray[Any]]:
     """Open arrays at full capacity, for writing whole chunks, those full of fill values included."""
-    with _opening, zarr.config.set({"array.write_empty_chunks": True}):
+    with _opening, zarr.config.set({"array.write_empty_chunks": True, "codec_pipeline.path": PIPELINE}):
 
         async def opened() -> dict[str, zarr.AsyncArray[Any]]:
             return {name: await zarr.AsyncArray.open(zarr_path(files, name), zarr_format=3) for name in names}

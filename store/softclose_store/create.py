@@ -31,6 +31,7 @@ from softclose_store.errors import (
 from softclose_store.files import StorePath, local_path, normalised, open_files, sync_directory, write_key
 from softclose_store.layout import (
     CANDIDATE_ARRAYS,
+    CHUNK_KEY_SEPARATOR,
     MARKER,
     PARAMETERS,
     POPULATION,
@@ -51,13 +52,17 @@ from softclose_store.root import (
     runtime_text,
 )
 
+KEYS: Any = {"name": "default", "separator": CHUNK_KEY_SEPARATOR}
+"""Flat file names `c.3.0.0`: with the default `c/3/0/0` every chunk makes up to three folders an array, which cost more
+than its small files."""
+
 STATIC_CHUNK = 65_536
 """Rows in one chunk of a population array."""
 
 
 def fast_codec() -> BloscCodec:
-    """lz4 after byte shuffling: of those measured the only one that is fast enough (docs/adr/020)."""
-    return BloscCodec(cname="lz4", clevel=5, shuffle="shuffle")
+    """lz4 after byte shuffling, in blocks that fit a cache: of those measured the fast enough one (docs/adr/020)."""
+    return BloscCodec(cname="lz4", clevel=1, shuffle="shuffle", blocksize=65_536)
 
 
 def create_campaign(
@@ -126,7 +131,7 @@ def build_hierarchy(
             dtype="str" if values.dtype.kind == "T" else values.dtype, dimension_names=dims,
             compressors=[fast_codec(), Crc32cCodec()] if values.dtype.kind == "f" else [Crc32cCodec()],
             fill_value="" if values.dtype.kind == "T" else 0,
-            attributes={"units": unit, "long_name": long_name},
+            attributes={"units": unit, "long_name": long_name}, chunk_key_encoding=KEYS,
         )  # fmt: skip
         array[...] = values
     for spec in (*layout.switch_arrays, *CANDIDATE_ARRAYS, MARKER):
@@ -190,12 +195,14 @@ def _create_array(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
         group.create_array(
             spec.name, shape=shape, chunks=chunks, shards=None if chunks == shards else shards, dtype=spec.dtype,
             compressors=compressors, fill_value=spec.fill, dimension_names=spec.dims, attributes=attributes,
+            chunk_key_encoding=KEYS,
         )  # fmt: skip
         return
     chunks = (1, 1, *shape[2:]) if spec.role == "marker" else (min(RECORD_CHUNK, shape[0]), *shape[1:])
     group.create_array(
         spec.name, shape=shape, chunks=chunks, dtype=spec.dtype, compressors=[Crc32cCodec()], fill_value=spec.fill,
         dimension_names=spec.dims, attributes=attributes,
+            chunk_key_encoding=KEYS,
     )  # fmt: skip
 
 

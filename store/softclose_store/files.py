@@ -25,6 +25,7 @@ from zarr.storage import FsspecStore, LocalStore
 
 from softclose_store import faults
 from softclose_store.errors import StoreError
+from softclose_store.layout import is_chunk_key
 
 T = TypeVar("T")
 StorePath = str | os.PathLike[str]
@@ -73,7 +74,7 @@ class LocalFiles(LocalStore):
         self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
     ) -> Buffer | None:
         """Read a key; chunks are invisible to a blind writer."""
-        if self.blind and "/c/" in key:
+        if self.blind and is_chunk_key(key):
             return None
         try:
             return await super().get(key, prototype, byte_range)
@@ -83,9 +84,8 @@ class LocalFiles(LocalStore):
     async def set(self, key: str, value: Buffer) -> None:
         """Replace a key by a whole new file."""
         self._check_writable()
-        is_chunk = "/c/" in key
         write_file(os.path.join(self.root, key), value.as_buffer_like(), durable=self.durable,
-                   fault="inside-chunk-write" if is_chunk and self.blind else "")  # fmt: skip
+                   fault="inside-chunk-write" if self.blind and is_chunk_key(key) else "")  # fmt: skip
 
 
 def write_file(path: str, content: Any, *, durable: bool, fault: str = "") -> None:

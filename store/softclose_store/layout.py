@@ -18,11 +18,15 @@ SCHEMA_VERSION = 1
 MAX_CHUNKS = 256
 """Most chunks a candidate may have: bounds the number of files per candidate, whatever the number of switches."""
 
-MAX_INNER = 512
-"""Most switches in one inner Zarr chunk, the unit of partial reads: 2 MB of x at 1,001 points."""
+MAX_INNER = 8192
+"""Most switches in one inner Zarr chunk, the unit of partial reads: 33 MB of x at 1,001 points, 15 ms to decode. Chunks
+up to this size are no shards: cutting them up costs zarr a copy and 0.1 ms of Python each (docs/adr/020)."""
 
 MIN_INNER = 128
 """Fewest switches in an inner chunk of a sharded array: every inner chunk costs 0.1 ms of Python."""
+
+CHUNK_KEY_SEPARATOR = "."
+"""Between the indices in a chunk's key."""
 
 RECORD_CHUNK = 128
 """Candidates in one chunk of a per-candidate array: few files, and a commit rewrites only the last of each."""
@@ -95,8 +99,8 @@ def _switch_specs() -> list[ArraySpec]:
         _spec("switch", "final_v", cs, "f8", "µm/µs", "velocity at the horizon"),
         _spec("switch", "closed", cs, "bool", "1", "held in contact at the horizon"),
         _spec("switch", "status", cs, "i1", "1", "outcome of the integration; 0: ok, -1: not simulated"),
-        _spec("switch", "impact_time", csi, "f8", "µs", "instants of the first impacts; NaN beyond the last"),
-        _spec("switch", "impact_speed", csi, "f8", "µm/µs", "speeds just before the first impacts"),
+        _spec("switch", "impact_time", csi, "f4", "µs", "instants of the first impacts; NaN beyond the last"),
+        _spec("switch", "impact_speed", csi, "f4", "µm/µs", "speeds just before the first impacts"),
         _spec("switch", "x", cst, "f4", "µm", "travel x(t)"),
         _spec("switch", "v", cst, "f4", "µm/µs", "velocity v(t)"),
     ]
@@ -273,6 +277,16 @@ class Layout:
         values = {name: data[name] for name in ("n_candidates", "n_switches", "chunk_switches", "max_impacts",
                                                 "n_pulses")}  # fmt: skip
         return cls(**values, times_us=times_us, limits_cm_s=tuple(data["limits_cm_s"]))
+
+
+def chunk_key(name: str, *indices: int) -> str:
+    """Key of one chunk (one file) of an array."""
+    return f"{name}/{CHUNK_KEY_SEPARATOR.join(['c', *map(str, indices)])}"
+
+
+def is_chunk_key(key: str) -> bool:
+    """True for the key of a chunk, false for metadata."""
+    return key.rpartition("/")[2].startswith(f"c{CHUNK_KEY_SEPARATOR}")
 
 
 def check_schema(version: Any, where: str) -> None:

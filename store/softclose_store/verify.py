@@ -21,7 +21,16 @@ from softclose_store.errors import DamageError, StoreMissingError
 from softclose_store.files import PARTIAL, StorePath, list_keys, normalised, open_files, read_key
 from softclose_store.groups import group_keys, group_problems, result_groups
 from softclose_store.integrity import UNREADABLE, ChunkReader, markers_digest
-from softclose_store.layout import CANDIDATE_ARRAYS, MARKER, RECORD_CHUNK, ArraySpec, Layout
+from softclose_store.layout import (
+    CANDIDATE_ARRAYS,
+    CHUNK_KEY_SEPARATOR,
+    MARKER,
+    RECORD_CHUNK,
+    ArraySpec,
+    Layout,
+    chunk_key,
+    is_chunk_key,
+)
 from softclose_store.lock import LOCK_KEY
 from softclose_store.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, decode_root, read_root, runtime_text
 from softclose_store.table import SPECS, CandidateTable
@@ -170,7 +179,7 @@ def _check_schema(check: _Check, root: Root) -> Layout | None:
             check.add("schema", "the metadata of an array is not what was written")
     times = np.empty(0)
     for name, expected in root.attributes["static_digests"].items():
-        parts = {f"{name}/c/{i}" for i in range(_n_chunks(root.metadata[name]))}
+        parts = {chunk_key(name, i) for i in range(_n_chunks(root.metadata[name]))}
         check.expected |= parts
         if not parts <= check.keys:
             check.add("static", f"{name} has missing files")
@@ -243,7 +252,7 @@ def _check_candidates(check: _Check, root: Root, layout: Layout) -> None:
 
 def record_key(spec: ArraySpec, i_chunk: int) -> str:
     """Key of one chunk of a per-candidate array."""
-    return "/".join([spec.name, "c", str(i_chunk), *(["0"] * (len(spec.dims) - 1))])
+    return chunk_key(spec.name, i_chunk, *([0] * (len(spec.dims) - 1)))
 
 
 def _record_kind(name: str) -> Kind:
@@ -297,7 +306,7 @@ def _check_chunk(
 def chunk_keys(layout: Layout, i: int, i_chunk: int) -> Iterator[str]:
     """Keys of all files of one chunk, its marker last."""
     for spec in (*layout.switch_arrays, MARKER):
-        yield "/".join([spec.name, "c", str(i), str(i_chunk), *(["0"] * (len(spec.dims) - 2))])
+        yield chunk_key(spec.name, i, i_chunk, *([0] * (len(spec.dims) - 2)))
 
 
 def _check_files(check: _Check, keys: list[str], layout: Layout | None, n_committed: int) -> None:
@@ -320,11 +329,9 @@ def _check_files(check: _Check, keys: list[str], layout: Layout | None, n_commit
     for key in keys:
         if key in check.expected or key.endswith(PARTIAL):
             continue
-        parts = key.split("/")
-        if (
-            len(parts) >= 4 and parts[0] in pending and parts[1] == "c" and parts[2].isdigit()
-            and n_committed <= int(parts[2]) < layout.n_candidates
-        ):  # fmt: skip
+        name, _, last = key.partition("/")
+        i = last.removeprefix(f"c{CHUNK_KEY_SEPARATOR}").partition(CHUNK_KEY_SEPARATOR)[0]
+        if name in pending and is_chunk_key(key) and i.isdigit() and n_committed <= int(i) < layout.n_candidates:
             continue
         check.add("unknown", f"{key} does not belong to this store")
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import small_store
 import xarray
 import zarr
-from small_store import CONFIG, create, layout, population
 
+import small_store
+from small_store import CONFIG, create, layout, population
 from softclose_store import (
     DriverStore,
     LayoutError,
@@ -43,8 +43,8 @@ def test_a_new_store_opens_everywhere_with_no_candidate_and_no_warning(tmp_path)
 
 
 def test_a_chunk_that_cannot_be_cut_is_refused_with_advice():
-    with pytest.raises(LayoutError, match=r"no divisor between 128 and 512; use a multiple of 128, for example 1024"):
-        layout(n_switches=5000, chunk_switches=1009)
+    with pytest.raises(LayoutError, match=r"no divisor between 128 and 8192; use a multiple of 128, for example 10112"):
+        layout(n_switches=50_000, chunk_switches=10_007)
 
 
 def test_too_many_chunks_are_refused():

@@ -4,12 +4,12 @@ import errno
 
 import numpy as np
 import pytest
-import small_store
 import xarray
 import zarr
 from numpy.testing import assert_array_equal
-from small_store import chunk, create, layout, proposal, record, run, run_candidate
 
+import small_store
+from small_store import chunk, create, layout, proposal, record, run, run_candidate
 from softclose_store import (
     DamageError,
     DriverStore,
@@ -39,7 +39,7 @@ def test_what_was_written_is_read_back_bit_for_bit(path):
             assert_array_equal(trajectories.v[rows], expected["v"])
             assert_array_equal(responses.max_contact_speed[rows], expected["max_contact_speed"])
             assert_array_equal(responses.closed[rows], expected["closed"])
-            assert_array_equal(responses.impact_time_us[rows], expected["impact_time"])
+            assert_array_equal(responses.impact_time_us[rows], expected["impact_time"].astype(np.float32))
             assert responses.status.dtype == np.int8
         assert trajectories.x.shape == (n, 11)
         assert_array_equal(campaign.waveform(i), proposal(i)["waveform"])
@@ -54,7 +54,8 @@ def test_a_proposal_survives_its_driver_and_keeps_everything_it_said(path):
         stored = store.proposal(1)
         assert store.proposal_digest(1) == digest
         assert_array_equal(stored.pop("waveform"), proposal(1)["waveform"])
-        assert stored == {"n_switches": 10, "origin": "sobol", "note": "größer", "surrogate": {"noise": 0.1, "scale": 2.0}}
+        rest = {name: proposal(1)[name] for name in ("n_switches", "origin", "note", "surrogate")}
+        assert stored == rest
 
 
 def test_candidates_commit_in_order_and_once(path):
@@ -98,7 +99,7 @@ def test_a_marked_chunk_whose_data_is_lost_does_not_count(path):
         store.propose(0, proposal(0))
         for i_chunk in (0, 1):
             write_chunk(path, 0, i_chunk, chunk(store.layout, 0, i_chunk, 10), store.proposal_digest(0))
-        (path / "v" / "c" / "0" / "1" / "0").write_bytes(b"")  # as after a loss of power
+        (path / "v" / "c.0.1.0").write_bytes(b"")  # as after a loss of power
         assert store.chunks_done(0) == (True, False, False)
         assert store.chunks_done(0, check=False) == (True, True, False)
         run_candidate(store, 0)
@@ -107,7 +108,7 @@ def test_a_marked_chunk_whose_data_is_lost_does_not_count(path):
 
 def test_every_opening_checks_the_last_committed_candidates(path):
     run(path, 2)
-    file = path / "x" / "c" / "1" / "2" / "0"
+    file = path / "x" / "c.1.2.0"
     intact = file.read_bytes()
     file.write_bytes(intact[:-1] + bytes([intact[-1] ^ 1]))
     with pytest.raises(DamageError, match="candidate 1, chunk 2"):
@@ -119,7 +120,7 @@ def test_every_opening_checks_the_last_committed_candidates(path):
 @pytest.mark.parametrize("name", ["g_cm_s", "waveform", "origin", "record_digest"])
 def test_a_driver_refuses_damaged_records(path, name):
     run(path, 2)
-    file = next(p for p in (path / name / "c").rglob("*") if p.is_file())
+    file = next((path / name).glob("c.*"))
     intact = file.read_bytes()
     for broken in (intact[:-1], b"", intact[:1] + bytes([intact[1] ^ 4]) + intact[2:]):
         file.write_bytes(broken)
@@ -134,7 +135,7 @@ def test_a_driver_refuses_damaged_records(path, name):
 
 def test_a_damaged_read_fails_and_never_yields_data(path):
     run(path, 1)
-    file = path / "x" / "c" / "0" / "0" / "0"
+    file = path / "x" / "c.0.0.0"
     raw = bytearray(file.read_bytes())
     raw[len(raw) // 3] ^= 16
     file.write_bytes(raw)
@@ -157,7 +158,7 @@ def test_arrays_that_do_not_fit_are_refused_before_anything_is_written(path, cha
     arrays = {name: values for name, values in arrays.items() if values is not None}
     with pytest.raises(LayoutError, match=message):
         write_chunk(path, 0, 0, arrays, 1)
-    assert not (path / "max_contact_speed" / "c").exists()
+    assert not list((path / "max_contact_speed").glob("c.*"))
 
 
 def test_a_chunk_outside_the_store_is_refused(path):
@@ -240,19 +241,19 @@ def test_a_chunk_can_be_written_inside_a_running_event_loop(path):
 
 def test_large_chunks_are_sharded_and_their_rows_read_alone(tmp_path):
     path = tmp_path / "large.zarr"
-    sizes = create(path, n_switches=1500, chunk_switches=1024)
-    assert (sizes.inner_switches, sizes.n_chunks) == (512, 2)
+    sizes = create(path, n_switches=12_000, chunk_switches=10_240, max_impacts=1)
+    assert (sizes.inner_switches, sizes.n_chunks) == (5120, 2)
     with DriverStore(path) as store:
-        run_candidate(store, 0, 1500)
-        run_candidate(store, 1, 1200)
+        run_candidate(store, 0, 12_000)
+        run_candidate(store, 1, 11_000)
     x = zarr.open_group(path, mode="r")["x"]
-    assert (x.shards, x.chunks) == ((1, 1024, 11), (1, 512, 11))
+    assert (x.shards, x.chunks) == ((1, 10_240, 11), (1, 5120, 11))
     campaign = open_campaign(path)
-    assert_array_equal(campaign.trajectories(0).x[1024:], chunk(sizes, 0, 1, 1500)["x"])
-    assert_array_equal(campaign.trajectories(1).x[1199, 3:5], chunk(sizes, 1, 1, 1200)["x"][-1, 3:5])
+    assert_array_equal(campaign.trajectories(0).x[10_240:], chunk(sizes, 0, 1, 12_000)["x"])
+    assert_array_equal(campaign.trajectories(1).x[10_999, 3:5], chunk(sizes, 1, 1, 11_000)["x"][-1, 3:5])
     assert_array_equal(campaign.trajectories(1).x[[0, -1]][:, 0], campaign.trajectories(1).x[...][[0, -1], 0])
     with pytest.raises(IndexError):
-        campaign.trajectories(1).x[1200]
+        campaign.trajectories(1).x[11_000]
 
 
 def test_a_store_without_trajectories_and_impacts_keeps_the_rest(tmp_path):
