@@ -118,7 +118,8 @@ def marked_files(store: Path) -> dict[Path, int]:
         for name, array in arrays.items():
             dims = array.metadata.dimension_names
             if dims and tuple(dims[:2]) == ("candidate", "switch"):
-                file = store.joinpath(name, "c", str(i), str(chunk), *("0" for _ in dims[2:]))
+                key = array.metadata.encode_chunk_key((int(i), int(chunk), *(0 for _ in dims[2:])))
+                file = store / name / key
                 if file.exists():
                     found[file] = file.stat().st_mtime_ns
     return found
