@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import small_store
 from numpy.testing import assert_array_equal
-from small_store import chunk, create, layout, population, proposal, record, run, run_candidate
-from stores import differences
 
+import small_store
+from small_store import chunk, create, layout, population, proposal, record, run, run_candidate
 from softclose_store import (
     DamageError,
     DriverStore,
@@ -21,6 +20,7 @@ from softclose_store import (
     verify,
     write_group,
 )
+from stores import differences
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,164 @@
+"""Claims about processes that die: a real one is killed at every durability step of the store."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import xarray
+
+import small_store
+from small_store import create
+from softclose_store import DriverStore, LockedError, faults, lock_holder, open_campaign, remove_orphans, verify
+from stores import differences
+
+DRIVE = """
+import sys, small_store
+from softclose_store import store_state
+if store_state(sys.argv[1]).kind != "campaign":
+    small_store.create(sys.argv[1])
+small_store.run(sys.argv[1])
+"""
+
+
+def drive(path: Path, fault: str = "") -> subprocess.Popen[bytes]:
+    """Create or continue the small campaign in another process."""
+    environment = os.environ | {faults.VARIABLE: fault, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen([sys.executable, "-c", DRIVE, str(path)], env=environment)
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    path = tmp_path_factory.mktemp("reference") / "a.zarr"
+    create(path)
+    small_store.run(path)
+    return path
+
+
+@pytest.mark.parametrize("point", faults.POINTS)
+def test_a_kill_at_a_named_step_loses_nothing_committed_and_ends_in_the_same_store(point, tmp_path, reference):
+    rng = random.Random(point)
+    path = tmp_path / "a.zarr"
+    passages = {"inside-creation": [1], "inside-record": [7, 90], "inside-chunk-write": [5, 30]}
+    for passage in passages.get(point, [rng.randrange(1, 5)]):
+        killed = drive(path, f"{point}:{passage}")
+        assert killed.wait(timeout=60) == -signal.SIGKILL
+        if point == "inside-creation":
+            assert not path.exists()
+            continue
+        assert verify(path).ok
+        committed = open_campaign(path).committed
+        assert xarray.open_zarr(path).sizes["candidate"] == committed
+    assert drive(path).wait(timeout=60) == 0
+    remove_orphans(path)
+    assert differences(path, reference) == []
+    assert verify(path).ok
+
+
+def test_a_chunk_is_not_computed_again_after_a_kill(tmp_path):
+    path = tmp_path / "a.zarr"
+    assert drive(path, "after-marker:5").wait(timeout=60) == -signal.SIGKILL
+    done = {p: p.stat().st_mtime_ns for p in path.glob("x/c.1.*")}
+    assert len(done) == 2
+    assert drive(path).wait(timeout=60) == 0
+    assert {p: p.stat().st_mtime_ns for p in done} == done
+
+
+def test_xarray_reads_committed_candidates_while_a_writer_commits(tmp_path, reference):
+    path = tmp_path / "a.zarr"
+    create(path)
+    expected = xarray.open_zarr(reference).load()
+    writer = drive(path)
+    seen = set()
+    try:
+        while writer.poll() is None:
+            data = xarray.open_zarr(path)
+            n = data.sizes["candidate"]
+            seen.add(n)
+            for name in ("g_cm_s", "waveform", "x", "origin"):
+                assert data[name].load().equals(expected[name].isel(candidate=slice(0, n))), (n, name)
+            assert open_campaign(path).committed >= n
+    finally:
+        writer.kill()
+    assert writer.wait(timeout=60) == 0
+    assert xarray.open_zarr(path).sizes["candidate"] == 4
+    assert min(seen) < 4
+
+
+def test_a_second_driver_is_refused_and_told_whose_the_store_is(tmp_path):
+    path = tmp_path / "a.zarr"
+    create(path)
+    with DriverStore(path):
+        assert lock_holder(path).pid == os.getpid()
+        with pytest.raises(LockedError, match=rf"process {os.getpid()} of .* since .*--break-lock"):
+            DriverStore(path)
+    assert lock_holder(path) is None
+    DriverStore(path).close()
+
+
+def test_a_dead_drivers_lock_is_nobodys(tmp_path):
+    path = tmp_path / "a.zarr"
+    assert drive(path, "before-commit:2").wait(timeout=60) == -signal.SIGKILL
+    assert (path / "chunk_digest" / "driver.lock").exists()
+    assert lock_holder(path) is None
+    with DriverStore(path) as store:
+        assert store.n_committed == 1
+
+
+def test_a_broken_lock_belongs_to_its_breaker_and_the_old_driver_stops(tmp_path):
+    path = tmp_path / "a.zarr"
+    create(path)
+    old = DriverStore(path)
+    with DriverStore(path, break_lock=True) as new:
+        with pytest.raises(LockedError, match="was broken"):
+            old.propose(0, small_store.proposal(0))
+        new.propose(0, small_store.proposal(0))
+        old.close()
+        with pytest.raises(LockedError, match="is being driven"):
+            DriverStore(path)
+    DriverStore(path).close()
+
+
+@pytest.mark.parametrize(("host", "refused"), [("here", False), ("elsewhere", True)])
+def test_behind_a_url_a_dead_holder_on_this_host_is_recognised_and_any_other_must_be_broken(host, refused):
+    import socket
+
+    from softclose_store.files import open_files, write_key
+    from softclose_store.lock import LOCK_KEY
+
+    url = f"memory://test-lock-{host}/a.zarr"
+    create(url)
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    holder = {"host": socket.gethostname() if host == "here" else host, "pid": dead.pid, "started": "1", "boot": "",
+              "user": "ann", "since": "2026-01-01"}  # fmt: skip
+    write_key(open_files(url, read_only=False), LOCK_KEY, json.dumps(holder).encode())
+    if refused:
+        with pytest.raises(LockedError, match="ann on elsewhere, since 2026-01-01"):
+            DriverStore(url)
+    with DriverStore(url, break_lock=refused), pytest.raises(LockedError, match=str(os.getpid())):
+        DriverStore(url)
+    DriverStore(url).close()
+
+
+@pytest.mark.slow
+def test_kills_at_random_instants_end_in_the_same_store(tmp_path, reference):
+    rng = random.Random(20)
+    path = tmp_path / "a.zarr"
+    create(path)
+    for _ in range(6):
+        driver = drive(path)
+        time.sleep(0.4 + 0.5 * rng.random())
+        driver.kill()
+        driver.wait()
+        assert verify(path).ok
+        if open_campaign(path).finished:
+            break
+    assert drive(path).wait(timeout=60) == 0
+    remove_orphans(path)
+    assert differences(path, reference) == []
