@@ -13,6 +13,7 @@ from softclose_workflows.tables import describe_waveform, metrics_row, print_des
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from softclose.waveform import Waveform
     from softclose_workflows.certify import Certification, Certified, ProgressListener
     from softclose_workflows.paired import Comparison
 
@@ -72,7 +73,12 @@ def _proportion(p: Proportion) -> str:
 
 def waveform_rows(design: Certified) -> list[list[float | None]]:
     """[[start, rise, peak (None where it holds), volts], …]."""
-    return [[p.start_us, p.rise_us, None if p.holds else p.peak_us, p.volts] for p in design.waveform.pulses]
+    return waveform_rows_of(design.waveform)
+
+
+def waveform_rows_of(waveform: Waveform) -> list[list[float | None]]:
+    """[[start, rise, peak (None where it holds), volts], …]."""
+    return [[p.start_us, p.rise_us, None if p.holds else p.peak_us, p.volts] for p in waveform.pulses]
 
 
 def certification_to_json(result: Certification) -> dict[str, Any]:

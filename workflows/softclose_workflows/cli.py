@@ -72,17 +72,21 @@ def main(verbose: bool) -> None:
 
 
 COMMANDS = (
+    "calibrate",
     "certify",
     "completion",
     "export",
+    "populations",
     "report",
     "reproduce",
     "rescore",
     "resume",
     "run",
+    "sensitivity",
     "status",
     "study",
     "verify",
+    "tolerance",
 )
 """Modules of `commands`; each holds a command of its own name."""
 

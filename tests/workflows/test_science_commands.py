@@ -1,0 +1,97 @@
+"""Claims about the commands calibrate, tolerance, sensitivity and populations: what they ask, print and refuse."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from small_series import small_campaign
+from softclose import load_population
+from softclose_workflows.certify import certify
+from softclose_workflows.cli import main
+
+EXAMPLE = str(resources.files("softclose") / "populations" / "example_measurements.csv")
+
+
+def _run(*arguments: str, code: int = 0) -> Result:
+    done = CliRunner().invoke(main, list(arguments))
+    assert done.exit_code == code, done.output
+    return done
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return small_campaign(tmp_path_factory.mktemp("science") / "a.zarr", "campaign.budget=4")
+
+
+def test_populations_show_the_printed_figures_beside_ours() -> None:
+    text = _run("populations").stdout
+    assert "0.590–0.750 [0.59–0.75]" in text
+    assert "0.412–0.524 [0.41–0.52]" in text
+    assert "65.300 [65.3]" in text
+    said = json.loads(_run("populations", "modified", "--json").stdout)
+    assert said["modified"]["G_mean_um"] == pytest.approx(4.18)
+    assert "did you mean" in _run("populations", "modifyed", code=2).stderr
+
+
+def test_calibration_writes_a_population_that_run_accepts(tmp_path: Path) -> None:
+    toml, figure, few = tmp_path / "mine.toml", tmp_path / "mine.svg", tmp_path / "few.csv"
+    few.write_text("".join(Path(EXAMPLE).read_text("utf-8").splitlines(keepends=True)[:13]), "utf-8")
+    asked = ["calibrate", str(few), "-o", str(toml), "--bootstrap", "20", "--bounds", "D=2.3:2.7"]
+    text = _run(*asked, "--figure", str(figure)).stdout
+    assert "Cramér–von Mises" in text
+    assert "<svg" in figure.read_text("utf-8")
+    population = load_population(str(toml))
+    assert (population.D.lower, population.D.upper) == (2.3, 2.7)
+    said = json.loads(_run(*asked, "--bounds", "G=3.6:3.9", "--json").stdout)
+    assert (said["population"]["name"], said["n_devices"]) == ("mine", 12)
+    store = small_campaign(tmp_path / "b.zarr", f"population.name={toml}", "campaign.budget=1")
+    assert Path(store).exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere.csv", "-o", "x.toml"], "cannot be read"),
+        ([EXAMPLE, "-o", "x.json"], "ending in .toml"),
+        ([EXAMPLE, "-o", "missing/x.toml", "--bootstrap", "20"], "cannot be written"),
+        ([EXAMPLE, "-o", "x.toml", "--bounds", "D=2.3"], "D=2.3:2.7"),
+        ([EXAMPLE, "-o", "x.toml", "--bounds", "D=2.5:2.7"], "widen"),
+        ([EXAMPLE, "-o", "x.toml", "--bootstrap", "3"], "at least 20"),
+    ],
+)
+def test_bad_calibrations_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in _run("calibrate", *arguments, code=2).stderr
+
+
+def test_tolerance_asks_the_best_candidate_and_the_certified_one_once_there_is_one(store: str) -> None:
+    asked = ["tolerance", store, "--switches", "100", "--gain", "0.02", "--slew", "30", "--jitter", "0.3"]
+    said = json.loads(_run(*asked, "--generators", "4", "--json").stdout)
+    assert said["why"] == "best"
+    assert [r["error"] for r in said["rows"]] == ["perfect", "gain +2.00%", "jitter 0.3 µs (sd)", "slew 30 V/µs"]
+    assert said["rows"][0]["v_u_shift_cm_s"] == 0.0
+    best = certify(store, n_switches=200, top=2).best
+    said = json.loads(_run(*asked, "--json").stdout)
+    assert (said["why"], said["candidate"]) == ("best certified", best.candidate)
+    # The first of the certified switches, and nothing else: the same V.
+    assert said["rows"][0]["max_cm_s"] <= 100.0 * float(best.response.max_contact_speed[:100].max()) + 1e-9
+    assert "perfect" in _run(*asked).stdout
+
+
+def test_sensitivity_gives_a_share_for_each_variable(store: str) -> None:
+    asked = ["sensitivity", store, "--candidate", "0", "--points", "16", "--replicates", "2"]
+    said = json.loads(_run(*asked, "--json").stdout)
+    assert said["why"] == "asked for"
+    assert {(i["output"], i["variable"]) for i in said["indices"]} == {
+        (o, v) for o in ("v_cm_s", "closed") for v in "DGET"
+    }
+    assert "with interactions" in _run(*asked).stdout
+    assert "power of 2" in _run("sensitivity", store, "--points", "17", code=2).stderr
+    assert "not committed" in _run("sensitivity", store, "--candidate", "99", code=2).stderr

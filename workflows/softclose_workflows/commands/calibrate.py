@@ -1,0 +1,83 @@
+"""Owns `softclose calibrate`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+
+@click.command(
+    epilog="\b\nExamples:\n  softclose calibrate measurements.csv -o mine.toml --figure mine.svg\n"
+    "  softclose run current --set population.name=mine.toml --store runs/mine.zarr\n\n\b\n"
+    "The CSV needs the columns G_um, D_um, T_um and pull_in_V, one device a line."
+)
+@click.argument("measurements", metavar="CSV")
+@click.option("-o", "--output", required=True, metavar="TOML", help="The population, as `softclose run` accepts it.")
+@click.option("--name", help="Name of the population [that of the file].")
+@click.option(
+    "--bounds",
+    "given",
+    multiple=True,
+    metavar="X=LOWER:UPPER",
+    help="Bounds of D, G, E or T known from the process [µm, GPa]; repeatable.",
+)
+@click.option("--plate-area", type=float, default=16_700.0, show_default=True, help="Plate area [µm²].")
+@click.option("--bootstrap", type=int, default=500, show_default=True, help="Bootstrap samples.")
+@click.option("--confidence", type=float, default=0.95, show_default=True, help="Confidence of the intervals.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the bootstrap.")
+@click.option("--figure", metavar="FILE", help="Histograms and fitted densities (svg, png or pdf).")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+def calibrate(measurements: str, output: str, name: str | None, given: tuple[str, ...], plate_area: float,
+              bootstrap: int, confidence: float, seed: int, figure: str | None, as_json: bool) -> None:  # fmt: skip
+    """Fit a population to device measurements (gap, travel, thickness, pull-in voltage)."""
+    from softclose.calibrate import calibrate as fit
+    from softclose.calibrate import write_calibration
+    from softclose.measurements import MeasurementError, read_measurements
+    from softclose_workflows.certified_tables import finite, wide_console
+
+    if Path(output).suffix != ".toml":
+        raise MeasurementError(f"--output is {output!r}; a population is a TOML file: give a name ending in .toml")
+    calibration = fit(
+        read_measurements(measurements), name=name or Path(output).stem, bounds=dict(map(_bounds, given)),
+        plate_area_um2=plate_area, n_bootstrap=bootstrap, confidence=confidence, seed=seed,
+    )  # fmt: skip
+    try:
+        write_calibration(calibration, output)
+    except OSError as e:
+        raise MeasurementError(f"the population cannot be written to {output}: {e}") from e
+    if figure:
+        from softclose_workflows.calibration_figure import draw
+
+        draw(calibration, figure)
+    if as_json:
+        click.echo(json.dumps(finite(calibration.to_dict()), indent=2, allow_nan=False))
+        return
+    from rich.table import Table
+
+    described = calibration.to_dict()
+    table = Table(title=f"{output}: fitted to {described['n_devices']} devices", title_justify="left")
+    for column in ("", "distribution", "number", f"value ({confidence:.0%} interval)", "Cramér–von Mises p"):
+        table.add_column(column)
+    for variable, row in described["fits"].items():
+        dull = ("alpha", "beta") if row["kind"] == "uniform" else ("half_width",)
+        numbers = {key: v for key, v in row.items() if isinstance(v, list) and key not in dull}
+        for i, (key, (value, lower, upper)) in enumerate(numbers.items()):
+            first = (f"{variable} [{row['unit']}]", row["kind"], f"{row['p_value']:.3f}") if i == 0 else ("", "", "")
+            table.add_row(first[0], first[1], key, f"{value:.5g} ({lower:.5g}–{upper:.5g})", first[2])
+    console = wide_console()
+    console.print(table)
+    for note in calibration.notes:
+        console.print(f"note: {note}")
+
+
+def _bounds(text: str) -> tuple[str, tuple[float, float]]:
+    from softclose.measurements import MeasurementError
+
+    variable, _, both = text.partition("=")
+    lower, _, upper = both.partition(":")
+    try:
+        return variable.strip(), (float(lower), float(upper))
+    except ValueError as e:
+        raise MeasurementError(f"--bounds {text!r} is not of the form D=2.3:2.7") from e

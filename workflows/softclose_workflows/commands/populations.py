@@ -1,0 +1,58 @@
+"""Owns `softclose populations`."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
+    "current": {"D/G": (0.59, 0.75), "E[K]": (65.3,), "E[M]": (3.41,), "E[D]": (2.43,), "E[G]": (3.68,)},
+    "modified": {"D/G": (0.41, 0.52)},
+    "paper-text": {"D/G": (0.59, 0.75), "E[K]": (65.3,), "E[M]": (3.41,), "E[D]": (2.43,), "E[G]": (3.68,)},
+}
+"""What the published study prints of each population."""
+
+
+@click.command(epilog="\b\nExamples:\n  softclose populations\n  softclose populations mine.toml current --json")
+@click.argument("names", nargs=-1, metavar="[NAME|TOML]...")
+@click.option("--plate-area", type=float, default=16_700.0, show_default=True, help="Plate area [µm²], for pull-in.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+def populations(names: tuple[str, ...], plate_area: float, as_json: bool) -> None:
+    """Ranges, means and pull-in voltages of populations, beside what the published study prints of them."""
+    from softclose.population import load_population, population_names
+    from softclose_workflows.certified_tables import finite, wide_console
+
+    loaded = {name: load_population(name) for name in names or population_names()}
+    summaries = {name: p.summary(plate_area) for name, p in loaded.items()}
+    if as_json:
+        click.echo(json.dumps(finite(summaries), indent=2, allow_nan=False))
+        return
+    from rich.table import Table
+
+    table = Table(title="populations (printed figures in brackets)", title_justify="left")
+    table.add_column("")
+    for name in summaries:
+        table.add_column(name, justify="right", no_wrap=True)
+
+    def row(label: str, cells: list[str], printed: str = "") -> None:
+        marks = [PRINTED.get(name, {}).get(printed, ()) for name in summaries]
+        table.add_row(label, *(f"{c} [{'–'.join(f'{m:g}' for m in mark)}]".replace("[", r"\[") if mark else c
+                               for c, mark in zip(cells, marks, strict=True)))  # fmt: skip
+
+    for variable, unit, digits in (("D", "um", 3), ("G", "um", 3), ("E", "GPa", 2), ("T", "um", 3)):
+        shown = unit.replace("um", "µm")
+        row(f"{variable} [{shown}]".replace("[", r"\["),
+            [f"{s[f'{variable}_lower_{unit}']:.{digits}f}–{s[f'{variable}_upper_{unit}']:.{digits}f}"
+             for s in summaries.values()])  # fmt: skip
+        row(f"  mean {variable}", [f"{s[f'{variable}_mean_{unit}']:.{digits}f}" for s in summaries.values()],
+            f"E[{variable}]")  # fmt: skip
+    row("D/G", [f"{s['D_over_G_lower']:.3f}–{s['D_over_G_upper']:.3f}" for s in summaries.values()], "D/G")
+    for name, unit, printed in (("K", "N_per_m", "E[K]"), ("M", "ug", "E[M]")):
+        label = {"K": r"K \[N/m]", "M": r"M \[µg]"}[name]
+        row(label, [f"{s[f'{name}_lower_{unit}']:.2f}–{s[f'{name}_upper_{unit}']:.2f}" for s in summaries.values()])
+        row(f"  mean {name}", [f"{s[f'{name}_mean_{unit}']:.3f}" for s in summaries.values()], printed)
+        row(f"  sd {name}", [f"{s[f'{name}_sd_{unit}']:.3f}" for s in summaries.values()])
+    row(r"U_pi \[V]", [f"{s['U_pi_lower_V']:.1f}–{s['U_pi_upper_V']:.1f}" for s in summaries.values()])
+    row("  mean switch", [f"{s['U_pi_mean_switch_V']:.2f}" for s in summaries.values()])
+    wide_console().print(table)

@@ -1,0 +1,51 @@
+"""Owns `softclose sensitivity`."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+
+@click.command(epilog="\b\nExample:\n  softclose sensitivity runs/a.zarr --points 1024")
+@click.argument("store", metavar="STORE")
+@click.option("--candidate", type=int, help="Candidate [the best certified one, or else the best].")
+@click.option("--points", type=int, default=512, show_default=True, help="Points of a replicate, a power of 2.")
+@click.option("--replicates", type=int, default=8, show_default=True, help="Independent replicates, for the intervals.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the points.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+def sensitivity(store: str, candidate: int | None, points: int, replicates: int, seed: int, as_json: bool) -> None:
+    """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices)."""
+    from dataclasses import asdict
+
+    from softclose.sensitivity import sensitivity as analyse
+    from softclose_workflows.certified_tables import finite, wide_console
+    from softclose_workflows.chosen import choose
+
+    chosen = choose(store, candidate)
+    found = analyse(
+        chosen.config.build_population(), chosen.waveform, n=points, n_replicates=replicates, seed=seed,
+        confidence=chosen.config.objective.confidence, model_settings=chosen.model_settings,
+    )  # fmt: skip
+    if as_json:
+        whole = {"store": store, "candidate": chosen.candidate, "why": chosen.why, **asdict(found)}
+        click.echo(json.dumps(finite(whole), indent=2, allow_nan=False))
+        return
+    from rich.table import Table
+
+    table = Table(
+        title=f"candidate {chosen.candidate} ({chosen.why}): shares of the variance", title_justify="left",
+        caption=f"{found.n_simulated:,} switches, {found.p_contact:.1%} touched, {found.p_closed:.1%} closed; "
+        f"{found.confidence:.0%} intervals",
+        caption_justify="left",
+    )  # fmt: skip
+    for column in ("of", "from", "by itself", "with interactions"):
+        table.add_column(column, justify="left" if column in ("of", "from") else "right")
+    names = {"v_cm_s": "V", "closed": "closing"}
+
+    def share(value: float, interval: tuple[float, float]) -> str:
+        return "–" if value != value else f"{value:.3f} ({interval[0]:.3f} to {interval[1]:.3f})"
+
+    for i in found.indices:
+        table.add_row(names[i.output], i.variable, share(i.first, i.first_interval), share(i.total, i.total_interval))
+    wide_console().print(table)

@@ -1,0 +1,106 @@
+"""Owns `softclose tolerance`."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from softclose.tolerance import DriveError
+
+
+@click.command(
+    epilog="\b\nExamples:\n  softclose tolerance runs/a.zarr\n"
+    "  softclose tolerance runs/a.zarr --gain 0.02 --jitter 0.2 --slew 40 --json"
+)
+@click.argument("store", metavar="STORE")
+@click.option("--candidate", type=int, help="Candidate [the best certified one, or else the best].")
+@click.option("--switches", type=click.IntRange(min=1), default=20_000, show_default=True, help="Fresh switches.")
+@click.option(
+    "--generators",
+    type=click.IntRange(min=1),
+    default=64,
+    show_default=True,
+    help="Generators drawn where errors are random.",
+)
+@click.option("--gain", type=float, multiple=True, help="Relative gain error, e.g. 0.01; repeatable.")
+@click.option("--gain-sd", type=float, multiple=True, help="Its standard deviation between generators; repeatable.")
+@click.option("--jitter", type=float, multiple=True, help="Standard deviation of pulse starts [µs]; repeatable.")
+@click.option("--slew", type=float, multiple=True, help="Steepest slope of the generator [V/µs]; repeatable.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+def tolerance(store: str, candidate: int | None, switches: int, generators: int, gain: tuple[float, ...],
+              gain_sd: tuple[float, ...], jitter: tuple[float, ...], slew: tuple[float, ...],
+              as_json: bool) -> None:  # fmt: skip
+    """How v_u and p_nc of a waveform in STORE move with errors of the waveform generator.
+
+    Each error by itself, on fresh switches: those of the certification, as many of them as asked for.
+    Without any error given, a usual set of them.
+    """
+    from softclose.tolerance import DEFAULT_ERRORS, DriveError, drive_tolerance
+    from softclose_workflows.certified_tables import finite, waveform_rows_of, wide_console
+    from softclose_workflows.certify import fresh_switches
+    from softclose_workflows.chosen import choose
+    from softclose_workflows.records import objective_settings
+    from softclose_workflows.tables import with_interval
+
+    chosen = choose(store, candidate)
+    asked = [
+        *(DriveError(gain=x) for x in gain),
+        *(DriveError(gain_sd=x) for x in gain_sd),
+        *(DriveError(jitter_us=x) for x in jitter),
+        *(DriveError(slew_V_per_us=x) for x in slew),
+    ]
+    rows = drive_tolerance(
+        fresh_switches(chosen.config.build_population(), switches, seed=chosen.seed),
+        chosen.waveform,
+        errors=asked or DEFAULT_ERRORS,
+        n_generators=generators,
+        seed=chosen.seed,
+        model_settings=chosen.model_settings,
+        objective_settings=objective_settings(chosen.config) | {"sampling": "monte-carlo"},
+    )
+    if as_json:
+        said = [
+            {"error": describe(r.error), "gain": r.error.gain, "gain_sd": r.error.gain_sd,
+             "jitter_us": r.error.jitter_us, "slew_V_per_us": r.error.slew_V_per_us,
+             "v_u_shift_cm_s": r.v_u_shift_cm_s, "p_nc_shift": r.p_nc_shift, **r.assessment.to_dict()}
+            for r in rows
+        ]  # fmt: skip
+        whole = {
+            "store": store, "candidate": chosen.candidate, "why": chosen.why, "n_switches": switches,
+            "waveform": waveform_rows_of(chosen.waveform), "rows": said,
+        }  # fmt: skip
+        click.echo(json.dumps(finite(whole), indent=2, allow_nan=False))
+        return
+    from rich.table import Table
+
+    table = Table(
+        title=f"candidate {chosen.candidate} ({chosen.why}) on {switches:,} fresh switches", title_justify="left"
+    )
+    table.add_column("generator")
+    for column in ("v_u [cm/s]", "change", "p_nc", "change", "g [cm/s]"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for r in rows:
+        a = r.assessment
+        table.add_row(
+            describe(r.error), with_interval(a.v_u_cm_s, *a.v_u_interval), f"{r.v_u_shift_cm_s:+.2f}",
+            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4), f"{r.p_nc_shift:+.4f}", f"{a.g_cm_s:.2f}",
+        )  # fmt: skip
+    wide_console().print(table)
+
+
+def describe(error: DriveError) -> str:
+    """`gain +1 %`, `perfect`, …"""
+    parts = []
+    if error.gain:
+        parts.append(f"gain {error.gain:+.2%}")
+    if error.gain_sd:
+        parts.append(f"gain ± {error.gain_sd:.2%} (sd)")
+    if error.jitter_us:
+        parts.append(f"jitter {error.jitter_us:g} µs (sd)")
+    if math.isfinite(error.slew_V_per_us):
+        parts.append(f"slew {error.slew_V_per_us:g} V/µs")
+    return ", ".join(parts) or "perfect"
