@@ -85,8 +85,8 @@ COMMANDS = (
     "sensitivity",
     "status",
     "study",
-    "verify",
     "tolerance",
+    "verify",
 )
 """Modules of `commands`; each holds a command of its own name."""
 
