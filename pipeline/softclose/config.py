@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
+from softclose.device import check_model_name
 from softclose.population import Population, load_population
 from softclose.propose.protocol import check_engine_name
 from softclose.waveform import MIN_RISE_US, Waveform
@@ -58,8 +59,10 @@ class PopulationSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class ModelSection:
-    """Eqs. 1-2."""
+    """The device model: Eqs. 1-2 unless another one is named."""
 
+    name: Annotated[str, Field(min_length=1)] = "single-mode"
+    """single-mode, or an installed entry point of group softclose.models."""
     horizon_us: Positive = 250.0
     """End of the simulated time [µs]."""
     restitution: Annotated[float, Field(gt=0, le=1)] = 0.5
@@ -229,6 +232,7 @@ class CampaignConfig:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
         check_engine_name(self.optimiser.engine)
+        check_model_name(self.model.name)
         for number, rows in enumerate(self.waveform.initial):
             try:
                 waveform = Waveform.from_rows(rows)

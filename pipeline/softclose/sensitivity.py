@@ -82,7 +82,9 @@ def sensitivity(
         raise SensitivityError(f"n_replicates is {n_replicates}; intervals need at least 2 (8 is usual)")
     from scipy.stats import sobol_indices, uniform
 
-    simulate = model or _default_model()
+    from softclose.device import SINGLE_MODE, load_model
+
+    simulate = model or load_model(SINGLE_MODE)
     touched = closed = total = 0
     spread: list[FloatArray] = []
 
@@ -126,9 +128,3 @@ def sensitivity(
         n_simulated=total,
         confidence=confidence,
     )
-
-
-def _default_model() -> Callable[..., Any]:
-    from softclose.ensemble import simulate
-
-    return simulate

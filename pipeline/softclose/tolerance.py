@@ -91,7 +91,9 @@ def drive_tolerance(
     table = np.asarray(switches, dtype=np.float64)
     if n_generators < 1:
         raise ToleranceError(f"n_generators is {n_generators}; at least 1 generator must drive the switches")
-    simulate = model or _default_model()
+    from softclose.device import SINGLE_MODE, load_model
+
+    simulate = model or load_model(SINGLE_MODE)
 
     def run(error: DriveError) -> Assessment:
         speed, closed = np.full(len(table), np.nan), np.zeros(len(table), dtype=np.bool_)
@@ -161,9 +163,3 @@ def distorted(waveform: Waveform, error: DriveError, delays_us: ArrayLike | None
             peak = until_fall - rise
         pulses.append(Pulse(max(pulse.start_us + float(delay), 0.0), rise, peak, volts))
     return Waveform(pulses)
-
-
-def _default_model() -> Callable[..., Any]:
-    from softclose.ensemble import simulate
-
-    return simulate

@@ -195,7 +195,7 @@ def simulate_fresh(
     listener: ProgressListener | None = None,
 ) -> list[StoredResponse]:
     """Metrics of every waveform on the same fresh switches of the campaign's population, a chunk at a time."""
-    from softclose.ensemble import simulate
+    from softclose_workflows.respond import respond
 
     population = config.build_population()
     v = np.empty((len(waveforms), n_switches))
@@ -206,11 +206,7 @@ def simulate_fresh(
         rows = slice(start, min(start + CHUNK, n_switches))
         switches = fresh_switches(population, rows.stop - start, seed=seed, start=start)
         for i, waveform in enumerate(waveforms):
-            response = simulate(
-                switches, waveform, horizon_us=config.model.horizon_us, restitution=config.model.restitution,
-                plate_area_um2=config.model.plate_area_um2, rtol=config.compute.rtol, method=config.compute.method,
-                threads=threads, max_volts=math.inf,
-            )  # fmt: skip
+            response = respond(config.model, config.compute, switches, waveform, threads=threads)
             v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
             status[i, rows] = response.status
             done += len(switches)

@@ -125,17 +125,13 @@ def _populations(folder: Path, rows: Sequence[Row]) -> Path:
 
 def _response(folder: Path, row: Row) -> Path:
     """Waveform, displacement and velocity of 200 switches, and the histogram of V (Figs. 6 to 12)."""
-    from softclose.ensemble import simulate
     from softclose_workflows.certify import fresh_switches
+    from softclose_workflows.respond import respond
 
     config, waveform = row.config, row.certified.waveform
     switches = fresh_switches(config.build_population(), N_DRAWN, seed=config.campaign.seed)
     t = np.linspace(0.0, 120.0, 481)
-    r = simulate(
-        switches, waveform, horizon_us=config.model.horizon_us, restitution=config.model.restitution,
-        plate_area_um2=config.model.plate_area_um2, rtol=config.compute.rtol, method=config.compute.method,
-        times_us=t, max_volts=float("inf"), dtype=np.float32,
-    )  # fmt: skip
+    r = respond(config.model, config.compute, switches, waveform, times_us=t, dtype=np.float32)
     assert r.x is not None
     assert r.v is not None
     figure = _figure(figsize=(9, 6.4))

@@ -5,24 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 from softclose.baselines import unshaped
-
 from softclose.config import CampaignConfig
-from softclose.ensemble import simulate
 from softclose.objective import assess
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.records import assessment_record, objective_settings
+from softclose_workflows.respond import respond
 from softclose_workflows.standing import waveform_to_json
 from softclose_workflows.tables import print_designs
 
 
 def evaluate(config: CampaignConfig, switches: Any, waveform: Waveform) -> dict[str, Any]:
     """Assess one waveform on switches (n, 4) as the campaign would: the same model, tolerance and objective."""
-    response = simulate(
-        switches, waveform, horizon_us=config.model.horizon_us, restitution=config.model.restitution,
-        plate_area_um2=config.model.plate_area_um2, rtol=config.compute.rtol, method=config.compute.method,
-        max_volts=max(config.waveform.max_volts, waveform.max_voltage(config.model.horizon_us)),
-    )  # fmt: skip
+    response = respond(config.model, config.compute, switches, waveform)
     return assessment_record(assess(response, **objective_settings(config)))
 
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from softclose.config import CampaignConfig, ModelSection
+from softclose.config import CampaignConfig, ComputeSection, ModelSection
 from softclose.waveform import FloatArray, Waveform
 
 
@@ -33,8 +33,7 @@ class ChunkTask:
     """Ties the chunk's marker to the waveform it was computed for."""
     model: ModelSection
     max_volts: float
-    rtol: float
-    method: Literal["taylor", "rk"]
+    compute: ComputeSection
     n_times: int
     max_impacts: int
 
@@ -65,25 +64,30 @@ def chunk_task(
     start = chunk * config.chunk_switches
     rows = tuple((p.start_us, p.rise_us, p.peak_us, p.volts) for p in waveform.pulses)
     return ChunkTask(
-        store=store, candidate=candidate, chunk=chunk, start=start,
-        stop=min(start + config.chunk_switches, n_switches), waveform=rows, proposal_digest=digest,
-        model=config.model, max_volts=config.waveform.max_volts, rtol=config.compute.rtol,
-        method=config.compute.method, n_times=config.store.n_times, max_impacts=config.store.max_impacts,
-    )  # fmt: skip
+        store=store,
+        candidate=candidate,
+        chunk=chunk,
+        start=start,
+        stop=min(start + config.chunk_switches, n_switches),
+        waveform=rows,
+        proposal_digest=digest,
+        model=config.model,
+        compute=config.compute,
+        max_volts=config.waveform.max_volts,
+        n_times=config.store.n_times,
+        max_impacts=config.store.max_impacts,
+    )
 
 
 def compute_chunk(task: ChunkTask, switches: FloatArray) -> dict[str, np.ndarray[Any, Any]]:
     """Simulate rows start:stop of switches (n, 4). Returns the arrays of the store's schema, by name."""
-    from softclose.ensemble import simulate
+    from softclose_workflows.respond import respond
 
-    response = simulate(
+    response = respond(
+        task.model,
+        task.compute,
         switches[task.start : task.stop],
         Waveform.from_rows(task.waveform),
-        horizon_us=task.model.horizon_us,
-        restitution=task.model.restitution,
-        plate_area_um2=task.model.plate_area_um2,
-        rtol=task.rtol,
-        method=task.method,
         max_volts=task.max_volts,
         max_impacts=task.max_impacts,
         times_us=times_us(task.model.horizon_us, task.n_times),

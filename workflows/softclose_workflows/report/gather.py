@@ -143,7 +143,7 @@ def _samples(campaign: Campaign, config: CampaignConfig, chosen: list[int]) -> d
 
 def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tuple[Design, ...]:
     """The best candidate, and the two reference designs on the same switches."""
-    from softclose.ensemble import simulate
+    from softclose_workflows.respond import respond
 
     if best is None:
         return ()
@@ -160,11 +160,7 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
     ]  # fmt: skip
     switches = campaign.switches()[:n]
     for name, waveform in reversed(reference_designs(config).items()):
-        r = simulate(
-            switches, waveform, horizon_us=config.model.horizon_us, plate_area_um2=config.model.plate_area_um2,
-            restitution=config.model.restitution, rtol=config.compute.rtol, method=config.compute.method,
-            max_volts=math.inf,
-        )  # fmt: skip
+        r = respond(config.model, config.compute, switches, waveform)
         designs.append(Design(name=DESIGN_NAMES[name], waveform=waveform, speed_cm_s=r.max_contact_speed * CM_S,
                               closed=r.closed, assessment=assess(r, **settings)))  # fmt: skip
     return tuple(designs)

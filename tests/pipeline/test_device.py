@@ -1,0 +1,40 @@
+"""Claims about device models: another one is named by the configuration and used by the whole campaign."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softclose import device, simulate
+from softclose.config import ConfigError, load_config
+from softclose.ensemble import Responses
+
+
+def heavier(switches: Any, *arguments: Any, **settings: Any) -> Responses:
+    """A device whose plate carries a tenth more mass."""
+    return simulate(np.asarray(switches) * [1.0, 1.0, 1.0, 1.1], *arguments, **settings)
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = SimpleNamespace(name="heavier", load=lambda: heavier)
+    monkeypatch.setattr(device, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
+
+
+def test_the_model_of_the_study_is_the_default() -> None:
+    assert load_config({}).model.name == device.SINGLE_MODE
+    assert device.load_model(device.SINGLE_MODE) is simulate
+
+
+@pytest.mark.usefixtures("installed")
+def test_an_installed_model_is_named_in_the_configuration_and_loaded() -> None:
+    assert load_config({}, ["model.name=heavier"]).model.name == "heavier"
+    assert device.load_model("heavier") is heavier
+
+
+def test_a_model_that_is_not_installed_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(ConfigError, match="no device model named 'single-mod'; did you mean 'single-mode'"):
+        load_config({}, ["model.name=single-mod"])
