@@ -74,8 +74,10 @@ def main(verbose: bool) -> None:
 COMMANDS = (
     "calibrate",
     "certify",
+    "compare",
     "completion",
     "export",
+    "figures",
     "populations",
     "report",
     "reproduce",

@@ -106,7 +106,7 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
             "name": f"{design.name}: v<sub>u</sub> {labels.number(a.v_u_cm_s)} cm/s", "x": numbers(x),
             "y": numbers(y, 3), "mode": "lines",
             "line": {"color": f"@{colour}", "width": 2.2, "dash": DASHES[place % len(DASHES)]},
-            "hovertemplate": "%{x:.1f} cm/s: %{y:.3f}<extra>" + _plain(design.name) + "</extra>",
+            "hovertemplate": "%{x:.1f} cm/s: %{y:.3f}<extra>" + plain(design.name) + "</extra>",
             **({"fill": "tozeroy", "fillcolor": f"@{colour}/0.10"} if place == 0 else {}),
         })  # fmt: skip
         if math.isfinite(a.v_u_cm_s) and x.size:
@@ -114,7 +114,7 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
                 "x": [round(a.v_u_cm_s, 3)], "y": numbers(np.interp([a.v_u_cm_s], x, y), 3), "mode": "markers",
                 "marker": {"color": f"@{colour}", "size": 10, "symbol": "line-ns-open", "line": {"width": 2.5}},
                 "showlegend": False,
-                "hovertemplate": "v<sub>u</sub> %{x:.1f} cm/s<extra>" + _plain(design.name) + "</extra>",
+                "hovertemplate": "v<sub>u</sub> %{x:.1f} cm/s<extra>" + plain(design.name) + "</extra>",
             })  # fmt: skip
     spoken = "; ".join(f"{d.name}: upper velocity {labels.number(d.assessment.v_u_cm_s)}, mean "
                        f"{labels.number(d.assessment.mean_cm_s)} cm/s" for d in designs)  # fmt: skip
@@ -126,7 +126,7 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
     }  # fmt: skip
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Plotly reads a little markup in its texts: strangers' names must not."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("%{", "% {")
 
@@ -245,10 +245,10 @@ def length_scales(data: ReportData) -> Chart | None:
     traces: list[Chart] = []
     for place, (name, values) in enumerate(shapes.length_scales(data).items()):
         which, label = np.isfinite(values), labels.coordinate_label(name, unit=False)
-        traces.append({"name": _plain(label), "x": numbers(np.flatnonzero(which).astype(float), 6),
+        traces.append({"name": plain(label), "x": numbers(np.flatnonzero(which).astype(float), 6),
                        "y": numbers(values[which]), "mode": "lines",
                        "line": {"width": 1.7, "dash": DASHES[place // 5], "color": f"@{labels.SERIES[place % 5]}"},
-                       "hovertemplate": "%{y:.2f}<extra>" + _plain(label) + "</extra>"})  # fmt: skip
+                       "hovertemplate": "%{y:.2f}<extra>" + plain(label) + "</extra>"})  # fmt: skip
     if not traces:
         return None
     return {

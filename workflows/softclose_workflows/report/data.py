@@ -17,6 +17,9 @@ from softclose_workflows.certify import Certification
 DESIGN_NAMES = {"unshaped": "unshaped 100 V step", "deterministic": "deterministic design"}
 """What charts call the reference designs."""
 
+ROLES = {"best candidate": "best", "deterministic design": "deterministic", "unshaped 100 V step": "unshaped"}
+"""Role of each design in the palette."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Traces:

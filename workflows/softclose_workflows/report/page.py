@@ -16,11 +16,8 @@ from typing import Any
 
 from softclose import __version__
 from softclose_workflows.report import charts, labels, packed, shapes
-from softclose_workflows.report.data import Design, ReportData
+from softclose_workflows.report.data import ROLES, Design, ReportData
 from softclose_workflows.report.summary import candidate_rows, headline, metrics, provenance
-
-COLOURS = {"best candidate": "best", "deterministic design": "deterministic", "unshaped 100 V step": "unshaped"}
-"""Colour of each design."""
 
 
 def render_report(data: ReportData) -> str:
@@ -97,7 +94,7 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         figures["response"] = charts.response(data)
         figures["histogram"] = charts.histogram(data, edges)
         judged = data.judged_designs
-        figures["densities"] = charts.densities(judged, [COLOURS[d.name] for d in judged], _top_speed(judged))
+        figures["densities"] = charts.densities(judged, [ROLES[d.name] for d in judged], _top_speed(judged))
         for name in "DGET":
             figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
     for name in data.parameters:

@@ -1,0 +1,29 @@
+"""Owns the table that `softclose compare` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from softclose_workflows.report.compare_page import table_rows
+from softclose_workflows.report.comparison import Entry, differing_settings
+
+
+def print_comparison(entries: Sequence[Entry]) -> None:
+    """One column a campaign; then what was set differently."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_lines=False)
+    table.add_column("")
+    for entry in entries:
+        table.add_column(Text(entry.label), justify="right")  # Text: a name is not markup
+    for name, values in table_rows(entries):
+        table.add_row(name, *(Text(value) for value in values))
+    settings = differing_settings(entries)
+    if settings:
+        table.add_section()
+    for key, values in settings:
+        table.add_row(key, *(Text(value) for value in values))
+    console = Console()
+    (console if console.is_terminal else Console(width=160)).print(table)

@@ -1,0 +1,107 @@
+"""Owns the comparison of campaigns: the best design of each, and what was set differently."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from softclose_workflows.report.data import Design, ReportData
+from softclose_workflows.report.gather import gather
+
+
+class CompareError(ValueError):
+    """Campaigns that cannot be compared."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Entry:
+    """One campaign in a comparison."""
+
+    label: str
+    """What tables and charts call it: unique."""
+    data: ReportData
+    design: Design | None
+    """Its best candidate on fresh switches if it is certified, else on its own training switches; None without one."""
+
+    @property
+    def basis(self) -> str:
+        """What its figures come from."""
+        if self.design is None:
+            return "no usable candidate"
+        n = f"{self.design.assessment.n:,}".replace(",", "\u202f")
+        return f"{n} fresh switches" if self.data.certification is not None else f"{n} training switches"
+
+
+def read_entries(paths: Sequence[str]) -> list[Entry]:
+    """Read every store. Raises CompareError where there are fewer than two."""
+    if len(paths) < 2:
+        raise CompareError(f"got {len(paths)} store; give two or more to compare")
+    found = [gather(path, learned=False, picks=False) for path in paths]
+    names = [data.config.campaign.name for data in found]
+    labels = [name if names.count(name) == 1 else f"{name} ({data.source})"
+              for name, data in zip(names, found, strict=True)]  # fmt: skip
+    labels = [label if labels.count(label) == 1 else f"{label}, {k}" for k, label in enumerate(labels, start=1)]
+    return [
+        Entry(label=label, data=data, design=data.judged_designs[0] if data.judged_designs else None)
+        for label, data in zip(labels, found, strict=True)
+    ]
+
+
+def differing_settings(entries: Sequence[Entry]) -> list[tuple[str, list[str]]]:
+    """(section.key, its value in each campaign) of every setting that is not the same in all of them."""
+    flat = [_flat(entry.data.config.to_dict()) for entry in entries]
+    keys = sorted({key for table in flat for key in table})
+    rows = [(key, [_shown(table.get(key)) for table in flat]) for key in keys]
+    return [(key, values) for key, values in rows if len(set(values)) > 1]
+
+
+def _flat(config: dict[str, Any]) -> dict[str, Any]:
+    return {
+        f"{section}.{key}": value
+        for section, table in config.items()
+        if section != "population_model"  # follows from population.name, and fills a screen
+        for key, value in table.items()
+    }
+
+
+def _shown(value: Any) -> str:
+    return "–" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def comparison_to_json(entries: Sequence[Entry]) -> dict[str, Any]:
+    """For scripts: null where a figure is undefined."""
+    return {
+        "campaigns": [_entry_to_json(entry) for entry in entries],
+        "differing_settings": {
+            key: dict(zip((entry.label for entry in entries), values, strict=True))
+            for key, values in differing_settings(entries)
+        },
+    }
+
+
+def _entry_to_json(entry: Entry) -> dict[str, Any]:
+    data, found = entry.data, None
+    if entry.design is not None:
+        a = entry.design.assessment
+        found = {
+            "candidate": data.best, "g_cm_s": _number(a.g_cm_s), "g_interval_cm_s": _pair(a.g_interval),
+            "v_u_cm_s": _number(a.v_u_cm_s), "v_u_interval_cm_s": _pair(a.v_u_interval),
+            "mean_cm_s": _number(a.mean_cm_s), "p_nc": _number(a.p_nc), "p_nc_wilson": _pair(a.p_nc_intervals.wilson),
+            "n_switches": a.n, "certified": data.certification is not None, "intervals_valid": a.intervals_valid,
+            "waveform": [[None if math.isinf(v) else v for v in row] for row in entry.design.waveform.rows().tolist()],
+        }  # fmt: skip
+    return {
+        "label": entry.label, "store": data.source, "fingerprint": data.fingerprint, "seed": data.config.campaign.seed,
+        "population": data.config.population.name, "space": data.config.waveform.space,
+        "engine": data.config.optimiser.engine, "committed": data.n_committed, "budget": data.n_total, "best": found,
+    }  # fmt: skip
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _pair(ends: tuple[float, float]) -> list[float | None]:
+    return [_number(ends[0]), _number(ends[1])]
