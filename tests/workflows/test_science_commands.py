@@ -41,7 +41,18 @@ def test_populations_show_the_printed_figures_beside_ours() -> None:
 def test_calibration_writes_a_population_that_run_accepts(tmp_path: Path) -> None:
     toml, figure, few = tmp_path / "mine.toml", tmp_path / "mine.svg", tmp_path / "few.csv"
     few.write_text("".join(Path(EXAMPLE).read_text("utf-8").splitlines(keepends=True)[:13]), "utf-8")
-    asked = ["calibrate", str(few), "-o", str(toml), "--bootstrap", "20", "--bounds", "D=2.3:2.7", "--bounds", "G=3.6:3.9"]
+    asked = [
+        "calibrate",
+        str(few),
+        "-o",
+        str(toml),
+        "--bootstrap",
+        "20",
+        "--bounds",
+        "D=2.3:2.7",
+        "--bounds",
+        "G=3.6:3.9",
+    ]
     text = _run(*asked, "--figure", str(figure)).stdout
     assert "Cramér–von Mises" in text
     assert "<svg" in figure.read_text("utf-8")

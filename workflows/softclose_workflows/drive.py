@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import getpass
-import os
-import platform
-import socket
 import sys
-from datetime import UTC, datetime
-from importlib.metadata import version
-from typing import Any
 
 import click
 
-from softclose import __version__
 from softclose.config import CampaignConfig
 from softclose.spaces import SPACES
 from softclose.waveform import FloatArray
-from softclose_store import DriverStore, Layout, StoreError, create_campaign, store_state
+from softclose_store import DriverStore, Layout, StoreError, create_campaign, open_campaign, store_state
 from softclose_workflows.campaign import Campaign
 from softclose_workflows.executors import Placement, open_executor
 from softclose_workflows.progress import show_progress
+from softclose_workflows.runtime import changes_since, runtime
 from softclose_workflows.stopping import stop_on_signals
 from softclose_workflows.tasks import times_us
-
-RECORDED_VERSIONS = ("dask", "numba", "numpy", "scikit-learn", "scikit-optimize", "scipy", "zarr")
 
 
 def create_store(config: CampaignConfig, path: str) -> None:
@@ -74,31 +65,6 @@ def _layout(config: CampaignConfig) -> Layout:
     )
 
 
-def runtime() -> dict[str, Any]:
-    """Who runs this, on what and with which versions. Not part of a campaign's identity."""
-    return {
-        "versions": {name: version(name) for name in RECORDED_VERSIONS}
-        | {"python": platform.python_version(), "softclose": __version__},
-        "processor": _processor(),
-        "machine": platform.machine(),
-        "system": platform.platform(),
-        "host": socket.gethostname(),
-        "user": getpass.getuser(),
-        "pid": os.getpid(),
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-
-
-def _processor() -> str:
-    """Model name of the processor: bits may differ between processors, so it is recorded."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as f:
-            names = [line.partition(":")[2].strip() for line in f if line.startswith("model name")]
-    except OSError:
-        names = []
-    return names[0] if names else platform.processor()
-
-
 def drive(
     path: str,
     placement: Placement,
@@ -123,6 +89,8 @@ def drive(
             if config is not None and is_new:
                 create_store(config, path)
             store = stack.enter_context(DriverStore(path, break_lock=break_lock))
+            for change in changes_since(open_campaign(path).runtime):
+                click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)
             store.note_run(runtime())
             if executor.dashboard and not quiet:
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)

@@ -16,10 +16,11 @@ from softclose_store import DriverStore, open_campaign
 from softclose_workflows.campaign import Campaign
 from softclose_workflows.certified_tables import simulation_progress
 from softclose_workflows.certify import Certification, certify
-from softclose_workflows.drive import create_store, runtime
+from softclose_workflows.drive import create_store
 from softclose_workflows.errors import Stopped
 from softclose_workflows.executors import Executor, Placement, open_executor
 from softclose_workflows.progress import show_progress
+from softclose_workflows.runtime import runtime
 from softclose_workflows.stopping import StopRequest, stop_on_signals
 
 
