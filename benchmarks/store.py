@@ -69,9 +69,9 @@ def rates(folder: Path, n: int, repeats: int) -> None:
     switches = load_population("current").sample(n, seed=1)
     blosc.use_threads = False
     codec = Blosc(cname="lz4", clevel=1, shuffle=Blosc.SHUFFLE, blocksize=65_536)
-    print(f"one thread, chunks of {n} switches, x and v float32 at {TIMES_US.size} points; CPU time, median of {repeats}")
-    print(f"{'waveform':22} {'closed':>6} {'kernel':>9} {'store':>9} {'codec':>9} {'rate alone':>11} {'with store':>11} "
-          f"{'kept':>5} {'bytes':>6}")  # fmt: skip
+    print(f"one thread, chunks of {n} switches, float32 at {TIMES_US.size} points; CPU time, median of {repeats}")
+    heads = ("kernel", "store", "codec", "rate alone", "with store", "kept", "bytes")
+    print(f"{'waveform':20} closed " + " ".join(f"{head:>10}" for head in heads))
     for k, (name, rows) in enumerate(WAVEFORMS.items()):
         waveform = Waveform.from_rows(rows)
         times: dict[str, list[float]] = {"kernel": [], "store": [], "codec": []}
@@ -85,8 +85,9 @@ def rates(folder: Path, n: int, repeats: int) -> None:
             times["codec"].append(cpu(lambda r=r: (codec.encode(r.x), codec.encode(r.v))))  # type: ignore[misc]
         kernel, store, share = (float(np.median(times[key])) / n * 1e6 for key in ("kernel", "store", "codec"))
         size = sum(f.stat().st_size for f in path.glob(f"*/c.{k * repeats}.*")) / n
-        print(f"{name:22} {r.closed.mean():6.2f} {kernel:6.2f} µs {store:6.2f} µs {share:6.2f} µs {1e6 / kernel:9,.0f}/s "
-              f"{1e6 / (kernel + store):9,.0f}/s {kernel / (kernel + store):5.0%} {size:6.0f}")  # fmt: skip
+        print(f"{name:20} {r.closed.mean():6.2f} {kernel:7.2f} µs {store:7.2f} µs {share:7.2f} µs "
+              f"{1e6 / kernel:8,.0f}/s {1e6 / (kernel + store):8,.0f}/s {kernel / (kernel + store):10.0%} "
+              f"{size:10.0f}")  # fmt: skip
 
 
 RESUME = """

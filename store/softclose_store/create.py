@@ -35,7 +35,6 @@ from softclose_store.layout import (
     MARKER,
     PARAMETERS,
     POPULATION,
-    RECORD_CHUNK,
     SCHEMA_VERSION,
     ArraySpec,
     Layout,
@@ -198,7 +197,7 @@ def _create_array(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
             chunk_key_encoding=KEYS,
         )  # fmt: skip
         return
-    chunks = (1, 1, *shape[2:]) if spec.role == "marker" else (min(RECORD_CHUNK, shape[0]), *shape[1:])
+    chunks = (1, 1, *shape[2:]) if spec.role == "marker" else (layout.record_chunk, *shape[1:])
     group.create_array(
         spec.name, shape=shape, chunks=chunks, dtype=spec.dtype, compressors=[Crc32cCodec()], fill_value=spec.fill,
         dimension_names=spec.dims, attributes=attributes,

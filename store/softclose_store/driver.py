@@ -16,7 +16,7 @@ from softclose_store.errors import DamageError, OtherConfigurationError, RecordE
 from softclose_store.files import StorePath, normalised, open_files
 from softclose_store.groups import append_run
 from softclose_store.integrity import ChunkReader, markers_digest
-from softclose_store.layout import CANDIDATE_ARRAYS, PROPOSAL_FIELDS, RECORD_CHUNK, RECORD_FIELDS, WALL_FIELDS, Layout
+from softclose_store.layout import CANDIDATE_ARRAYS, PROPOSAL_FIELDS, RECORD_FIELDS, WALL_FIELDS, Layout
 from softclose_store.lock import DriverLock
 from softclose_store.root import Root, read_root, write_root
 from softclose_store.table import CandidateTable, proposal_fields
@@ -219,7 +219,7 @@ class DriverStore:
     def write_restored(self) -> None:
         """Write all per-candidate arrays of the committed candidates: the last step of a repair."""
         self._lock.check()
-        for i in range(0, self.n_committed, RECORD_CHUNK):
+        for i in range(0, self.n_committed, self.layout.record_chunk):
             self._table.write(i, [s.name for s in CANDIDATE_ARRAYS])
 
     def record_digest(self, i: int) -> int:

@@ -29,7 +29,7 @@ CHUNK_KEY_SEPARATOR = "."
 """Between the indices in a chunk's key."""
 
 RECORD_CHUNK = 128
-"""Candidates in one chunk of a per-candidate array: few files, and a commit rewrites only the last of each."""
+"""Most candidates in one chunk of a per-candidate array: few files, and a commit rewrites only the last of each."""
 
 N_SURROGATE = 32
 """Most quantities a proposal may say about its surrogate."""
@@ -236,6 +236,16 @@ class Layout:
                 f"use a multiple of {MIN_INNER}, for example {math.ceil(n / MIN_INNER) * MIN_INNER}"
             )
         return inner
+
+    @property
+    def record_chunk(self) -> int:
+        """Candidates in one chunk of a per-candidate array: equal parts, so that hardly any chunk is a partial one."""
+        return math.ceil(self.n_candidates / math.ceil(self.n_candidates / RECORD_CHUNK))
+
+    @property
+    def n_record_chunks(self) -> int:
+        """Chunks of a per-candidate array."""
+        return math.ceil(self.n_candidates / self.record_chunk)
 
     @property
     def switch_arrays(self) -> tuple[ArraySpec, ...]:

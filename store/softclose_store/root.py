@@ -82,7 +82,8 @@ def runtime_text(root: Root) -> bytes:
 
 
 def _text(document: Mapping[str, Any]) -> bytes:
-    return json.dumps(document, indent=1, sort_keys=True, allow_nan=False).encode()
+    # Compact: with an indent Python encodes 90 kB in 5 ms instead of 0.5, at every commit.
+    return json.dumps(document, separators=(",", ":"), sort_keys=True, allow_nan=False).encode()
 
 
 def decode_root(content: bytes, where: str) -> Root:

@@ -22,7 +22,6 @@ from softclose_store.files import run_here
 from softclose_store.layout import (
     CANDIDATE_ARRAYS,
     PROPOSAL_FIELDS,
-    RECORD_CHUNK,
     RECORD_FIELDS,
     WALL_FIELDS,
     ArraySpec,
@@ -45,8 +44,7 @@ class CandidateTable:
 
     def load(self, n: int, *, tolerate_damage: bool = False) -> None:
         """Read the chunks that hold the first n candidates, and the next chunk; raises DamageError."""
-        n_chunks = -(-self.layout.n_candidates // RECORD_CHUNK)
-        wanted = range(min(n // RECORD_CHUNK + 2, n_chunks))
+        wanted = range(min(n // self.layout.record_chunk + 2, self.layout.n_record_chunks))
         self._arrays = open_arrays(self._files, tuple(SPECS))
 
         async def read() -> None:
@@ -66,7 +64,8 @@ class CandidateTable:
         run_here(read(), self._files)
 
     def _rows(self, i_chunk: int) -> slice:
-        return slice(i_chunk * RECORD_CHUNK, min((i_chunk + 1) * RECORD_CHUNK, self.layout.n_candidates))
+        step = self.layout.record_chunk
+        return slice(i_chunk * step, min((i_chunk + 1) * step, self.layout.n_candidates))
 
     def set_fields(self, i: int, fields: Iterable[ArraySpec], record: Mapping[str, Any]) -> None:
         """Set the given fields of candidate i; what the record leaves out becomes the fill value."""
@@ -82,7 +81,7 @@ class CandidateTable:
 
     def write(self, i: int, names: Iterable[str]) -> None:
         """Write the chunk that holds candidate i of each named array."""
-        rows = self._rows(i // RECORD_CHUNK)
+        rows = self._rows(i // self.layout.record_chunk)
 
         async def write() -> None:
             for name in names:

@@ -25,7 +25,6 @@ from softclose_store.layout import (
     CANDIDATE_ARRAYS,
     CHUNK_KEY_SEPARATOR,
     MARKER,
-    RECORD_CHUNK,
     ArraySpec,
     Layout,
     chunk_key,
@@ -228,11 +227,12 @@ def _check_candidates(check: _Check, root: Root, layout: Layout) -> None:
     # A missing file reads as fill values, which can equal what was written: it is damage all the same.
     unusable = {(name, i_chunk, "cannot be read") for name, i_chunk in table.damaged}
     for spec in CANDIDATE_ARRAYS:
-        for i_chunk in range(-(-root.n_committed // RECORD_CHUNK)):
+        for i_chunk in range(-(-root.n_committed // layout.record_chunk)):
             if record_key(spec, i_chunk) not in check.keys:
                 unusable.add((spec.name, i_chunk, "is missing"))
     for name, i_chunk, fate in sorted(unusable):
-        first, stop = i_chunk * RECORD_CHUNK, min((i_chunk + 1) * RECORD_CHUNK, root.n_committed)
+        first = i_chunk * layout.record_chunk
+        stop = min(first + layout.record_chunk, root.n_committed)
         if first >= root.n_committed:
             check.add("pending", f"{name} of candidates from {first} on {fate}")
         for i in range(first, stop):
@@ -324,7 +324,7 @@ def _check_files(check: _Check, keys: list[str], layout: Layout | None, n_commit
     if layout is None:
         return  # without a schema nothing says what belongs here
     for spec in CANDIDATE_ARRAYS:
-        check.expected |= {record_key(spec, i_chunk) for i_chunk in range(-(-layout.n_candidates // RECORD_CHUNK))}
+        check.expected |= {record_key(spec, i_chunk) for i_chunk in range(layout.n_record_chunks)}
     pending = {s.name for s in (*layout.switch_arrays, MARKER)}
     for key in keys:
         if key in check.expected or key.endswith(PARTIAL):
