@@ -1,8 +1,9 @@
 """How often V, the closed flag and the impact count agree with a tight reference, and why where they do not.
 
 Random switches under random waveforms of one to three pulses, holding and releasing, overlapping or apart. The
-reference is the Runge-Kutta twin at rtol 1e-12, itself tested against scipy. A case that deviates is excused only if it is
-shown to be grazing: moving the contact by 1e-6 µm, far less than any device is known to, changes the reference's own answer.
+reference is the Runge-Kutta twin at rtol 1e-12, itself tested against scipy. A case that deviates is excused only if
+it is shown to be grazing: moving the contact by 1e-6 µm, far less than any device is known to, changes the reference's
+own answer.
 
     python benchmarks/accuracy.py [--waveforms 2000] [--switches 20] [--rtol 1e-9] [--seed 1]
 """

@@ -14,7 +14,7 @@ _MAX_MARCH = 60
 
 
 @njit(error_model="numpy")
-def first_contact(x, h, depth, launched, v_end, bend):  # type: ignore[no-untyped-def]
+def first_contact(x, h, depth, launched, v_end, bend, near):  # type: ignore[no-untyped-def]
     """First root in (0, h] of f = travel - x(tau), coming from below: (tau, speed) or (NONE, 0).
 
     x: tuple of Taylor coefficients; depth = f(0); launched: the motion starts on the contact, inwards or at rest;
@@ -40,8 +40,7 @@ def first_contact(x, h, depth, launched, v_end, bend):  # type: ignore[no-untype
         # The two forms of the root avoid cancellation for either sign of v.
         s = 2.0 * f / (root + v) if v > 0.0 else (root - v) / bend
         tau += s
-        if s * bend < 1e-6 * v:
-            # What is left of tau is about s² bend / v, below rounding.
+        if s * bend < near * v:  # convergence is quadratic: what is left of tau is below near² v / bend
             return (tau, descent(x, tau)[1]) if tau <= h else (NONE, 0.0)
     return UNDECIDED, tau
 

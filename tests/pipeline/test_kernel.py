@@ -52,7 +52,7 @@ def waveforms(draw: st.DrawFn) -> Waveform:
 
 
 @METHODS
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=10, deadline=None, derandomize=True)
 @given(switch=switches, waveform=waveforms())
 def test_agrees_with_the_slow_oracle(method, switch, waveform):
     slow = reference(switch, waveform)
