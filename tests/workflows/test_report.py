@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import re
 import shutil
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from finished import make_finished
 from reported import HOSTILE, empty_store, hostile_store
 from softclose.waveform import Pulse, Waveform
 from softclose_workflows.certify import certify
@@ -75,7 +77,7 @@ def payload(page: str) -> dict[str, object]:
 def test_page_refers_to_nothing_outside_itself(page: str) -> None:
     assert all(address.startswith("#") for address in outline(page).addresses)
     assert {"link", "iframe", "object", "embed", "img"}.isdisjoint(outline(page).tags)
-    assert "default-src 'none'" in page
+    assert "default-src 'none'; base-uri 'none'; form-action 'none'" in page
 
 
 def test_page_stays_small(page: str) -> None:
@@ -206,8 +208,6 @@ def test_shares_and_switches_without_contact_add_up_to_the_ensemble() -> None:
 
 
 def test_best_so_far_starts_afresh_with_a_larger_ensemble(data: ReportData) -> None:
-    import dataclasses
-
     n = len(data.candidates)
     g = np.linspace(30.0, 20.0, n)
     g[-2:] = 25.0, 24.0
@@ -217,6 +217,29 @@ def test_best_so_far_starts_afresh_with_a_larger_ensemble(data: ReportData) -> N
     candidates = dataclasses.replace(data.candidates, columns=columns, n_switches=sizes, failed=np.zeros(n, dtype=bool))
     c = shapes.convergence(dataclasses.replace(data, candidates=candidates))
     assert c.best_cm_s.tolist() == [*g[:-2].tolist(), 25.0, 24.0]
+
+
+def test_a_failed_candidate_is_listed_with_its_reason_and_breaks_nothing(data: ReportData) -> None:
+    n = len(data.candidates)
+    failed = np.arange(n) == 1
+    columns = {name: np.where(failed, np.nan, values) for name, values in data.candidates.columns.items()}
+    notes = tuple("worker died three times" if f else "" for f in failed)
+    samples = {i: traces for i, traces in data.samples.items() if i != 1}
+    candidates = dataclasses.replace(data.candidates, failed=failed, columns=columns, note=notes)
+    page = render_report(dataclasses.replace(data, candidates=candidates, samples=samples))
+    assert "worker died three times" in page
+    assert 'data-show="1"' not in page
+    assert shapes.convergence(dataclasses.replace(data, candidates=candidates)).failed.tolist() == [1.0]
+
+
+def test_quasi_random_ensembles_show_no_interval(tmp_path: Path) -> None:
+    settings = ("campaign.budget=3", "optimiser.n_initial=3", "population.n_switches=64", "population.sampling=sobol")
+    data = gather(str(make_finished(tmp_path / "sobol.zarr", *settings)))
+    assert not data.has_intervals
+    page = render_report(data)
+    assert "No intervals" in page
+    assert "% interval" not in page.partition('id="page-data"')[0]
+    assert np.isnan(shapes.convergence(data).lower_cm_s).all()
 
 
 def test_palette_keeps_the_contrast_that_it_promises() -> None:

@@ -73,6 +73,12 @@ def test_every_chart_is_drawn(visit: Visit) -> None:
     assert empty == []
 
 
+def test_no_button_offers_to_send_a_chart_anywhere(visit: Visit) -> None:
+    """plotly.js has a button that uploads a chart to its makers' cloud, on by default."""
+    titles = visit.page.eval_on_selector_all(".modebar-btn", "b => [...new Set(b.map(e => e.dataset.title))]")
+    assert set(titles) == {"Download plot", "Zoom", "Pan", "Zoom in", "Zoom out", "Reset axes"}
+
+
 def test_table_sorts_by_mouse_and_by_keyboard(visit: Visit) -> None:
     page = visit.page
     first = "() => [...document.querySelectorAll('#table tbody tr')].map(r => Number(r.dataset.candidate))"

@@ -165,7 +165,7 @@ def convergence(data: ReportData) -> Figure | None:
     if over.any():
         axes.plot(c.index[over], np.full(int(over.sum()), c.ceiling_cm_s), "^", fillstyle="none", markersize=3.0,
                   color=COLOURS["unshaped"], label="above the axis", clip_on=False)  # fmt: skip
-    low = float(np.nanmin(c.lower_cm_s))
+    low = float(np.fmin(c.lower_cm_s, c.g_cm_s).min())
     axes.set(xlabel="Candidate", ylabel="Objective g (cm/s)", ylim=(max(0.0, low - 1.0), c.ceiling_cm_s))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
     return figure

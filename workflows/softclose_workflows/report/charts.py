@@ -45,6 +45,7 @@ def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
         "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "font": {"color": "@ink", "size": 13},
         "margin": {"l": 60, "r": 18, "t": 16, "b": 48}, "xaxis": x, "yaxis": y, "showlegend": False,
         "hoverlabel": {"bgcolor": "@card", "bordercolor": "@line", "font": {"color": "@ink"}}, "height": 340,
+        "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "@muted", "activecolor": "@best"},
         "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "bgcolor": "rgba(0,0,0,0)"},
     } | more  # fmt: skip
 
@@ -106,7 +107,7 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
             "name": f"{design.name}: v<sub>u</sub> {labels.number(a.v_u_cm_s)} cm/s", "x": numbers(x),
             "y": numbers(y, 3), "mode": "lines",
             "line": {"color": f"@{colour}", "width": 2.2, "dash": DASHES[place % len(DASHES)]},
-            "hovertemplate": "%{x:.1f} cm/s: %{y:.3f}<extra>" + plain(design.name) + "</extra>",
+            "hovertemplate": "%{y:.3f}<extra>" + plain(design.name) + "</extra>",
             **({"fill": "tozeroy", "fillcolor": f"@{colour}/0.10"} if place == 0 else {}),
         })  # fmt: skip
         if math.isfinite(a.v_u_cm_s) and x.size:
@@ -120,8 +121,10 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
                        f"{labels.number(d.assessment.mean_cm_s)} cm/s" for d in designs)  # fmt: skip
     return {
         "data": traces,
-        "layout": layout(axis("Largest contact speed V (cm/s)", range=[0, top_cm_s]),
-                         axis("Density (per cm/s)", rangemode="tozero"), showlegend=True, height=380),
+        "layout": layout(axis("Largest contact speed V (cm/s)", range=[0, top_cm_s],
+                              unifiedhovertitle={"text": "%{x:.1f} cm/s"}),
+                         axis("Density (per cm/s)", rangemode="tozero"), showlegend=True, height=380,
+                         hovermode="x unified"),
         "alt": f"Densities of the largest contact speed, one curve per design. {spoken}.",
     }  # fmt: skip
 
@@ -190,7 +193,12 @@ def population_density(data: ReportData, name: str) -> tuple[FloatArray, FloatAr
     if name in ("K", "M"):
         grid = np.linspace(values.min(), values.max(), 120)
         usable = values.size > 3 and np.ptp(values) > 0.0
-        return grid, shapes.gaussian_density(values, grid) if usable else np.zeros_like(grid), "kernel estimate"
+        ends = (float(values.min()), float(values.max()))
+        return (
+            grid,
+            shapes.gaussian_density(values, grid, mirrors=ends) if usable else np.zeros_like(grid),
+            "kernel estimate",
+        )
     bounded = getattr(data.config.build_population(), name)
     pad = 0.03 * (bounded.upper - bounded.lower) or 1e-3
     grid = np.linspace(bounded.lower - pad, bounded.upper + pad, 160)
@@ -229,7 +237,7 @@ def convergence(data: ReportData) -> Chart:
         traces.append({"name": "failed", "x": numbers(c.failed, 6), "mode": "markers",
                        "y": [c.ceiling_cm_s] * c.failed.size, "marker": {"color": "@open", "symbol": "x", "size": 8},
                        "hovertemplate": "candidate %{x} failed<extra></extra>"})  # fmt: skip
-    low = float(np.nanmin(c.lower_cm_s)) if c.g_cm_s.size else 0.0
+    low = float(np.fmin(c.lower_cm_s, c.g_cm_s).min()) if c.g_cm_s.size else 0.0
     return {
         "data": traces,
         "layout": layout(axis("Candidate", rangemode="nonnegative"),
@@ -253,8 +261,9 @@ def length_scales(data: ReportData) -> Chart | None:
         return None
     return {
         "data": traces,
-        "layout": layout(axis("Candidate"), axis("Length scale (share of the range)", type="log", dtick=1),
-                         showlegend=True, height=360),
+        "layout": layout(axis("Candidate", unifiedhovertitle={"text": "candidate %{x}"}),
+                         axis("Length scale (share of the range)", type="log", dtick=1),
+                         showlegend=True, height=360, hovermode="x unified"),
         "alt": "Length scales of the surrogate over the campaign, one line per parameter; short scales matter most.",
     }  # fmt: skip
 

@@ -105,6 +105,11 @@ class ReportData:
         return len(self.candidates)
 
     @property
+    def has_intervals(self) -> bool:
+        """False for quasi-random ensembles, for which no interval holds."""
+        return self.config.population.sampling == "monte-carlo"
+
+    @property
     def finished(self) -> bool:
         """True where the whole budget is committed."""
         return self.n_committed >= self.n_total

@@ -28,6 +28,9 @@ N_BEST_TRACES = 150
 MAX_PICKS = 250
 """Candidates that a reader may pick; of a longer campaign those of smallest g."""
 
+ENDS = ("_lower", "_upper", "_lower_cm_s", "_upper_cm_s")
+"""How columns end that are ends of intervals."""
+
 _PICK_SAMPLES = 450_000
 """Samples of x and v carried for all picks together: 1.2 MB of page."""
 
@@ -77,8 +80,10 @@ def _candidates(records: Mapping[str, NDArray[Any]], config: CampaignConfig) -> 
         if values.ndim == 1 and values.dtype.kind == "f"
     }
     for k, limit in enumerate(config.objective.limits_cm_s):
-        for name in ("p_exceed", "p_exceed_wilson_lower", "p_exceed_wilson_upper"):
-            columns[f"{name}_{limit:g}"] = np.asarray(records[name][:, k], dtype=np.float64)
+        for name, end in (("p_exceed", ""), ("p_exceed_wilson", "_lower"), ("p_exceed_wilson", "_upper")):
+            columns[f"{name}_{limit:g}{end}"] = np.asarray(records[name + end][:, k], dtype=np.float64)
+    if config.population.sampling != "monte-carlo":  # recorded for any sampling, but none holds for quasi-random draws
+        columns = {n: np.full_like(v, math.nan) if n.endswith(ENDS) else v for n, v in columns.items()}
     names = records["surrogate_name"]
     surrogate = {}
     for name in sorted({str(v) for v in names.ravel()} - {""}):

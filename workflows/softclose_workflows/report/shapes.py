@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,11 +39,14 @@ def speed_density(speed_cm_s: FloatArray, top_cm_s: float) -> tuple[FloatArray, 
     """
     v = speed_cm_s[np.isfinite(speed_cm_s)]
     axis = np.arange(0.0, top_cm_s + SPEED_STEP_CM_S, SPEED_STEP_CM_S)
-    return (axis, gaussian_density(v, axis, mirror=0.0)) if v.size > 1 and np.ptp(v) > 0.0 else (axis[:0], axis[:0])
+    return (axis, gaussian_density(v, axis, mirrors=(0.0,))) if v.size > 1 and np.ptp(v) > 0.0 else (axis[:0], axis[:0])
 
 
-def gaussian_density(sample: FloatArray, axis: FloatArray, *, mirror: float | None = None) -> FloatArray:
-    """Density of a sample on an axis, in one over the axis's unit. Binned first: cost does not grow with the sample."""
+def gaussian_density(sample: FloatArray, axis: FloatArray, *, mirrors: Sequence[float] = ()) -> FloatArray:
+    """Density of a sample on an axis, in one over the axis's unit, with no loss at the bounds `mirrors`.
+
+    Binned first: the cost does not grow with the sample.
+    """
     quartiles = np.quantile(sample, [0.25, 0.75])
     spread = min(float(sample.std(ddof=1)), float(quartiles[1] - quartiles[0]) / 1.34 or math.inf)
     width = 0.9 * spread * sample.size**-0.2
@@ -53,7 +57,7 @@ def gaussian_density(sample: FloatArray, axis: FloatArray, *, mirror: float | No
         z = (axis[:, None] - at[None]) / width
         return np.asarray(np.exp(-0.5 * z * z) @ counts)
 
-    total = kernels(centres) + (kernels(2.0 * mirror - centres) if mirror is not None else 0.0)
+    total = sum((kernels(2.0 * at - centres) for at in mirrors), start=kernels(centres))
     return np.asarray(total / (sample.size * width * math.sqrt(2.0 * math.pi)))
 
 
@@ -65,6 +69,7 @@ class Convergence:
     """(n,) candidates that have a g."""
     g_cm_s: FloatArray
     lower_cm_s: FloatArray
+    """Ends of the intervals; NaN where none hold."""
     upper_cm_s: FloatArray
     best_cm_s: FloatArray
     """(n,) smallest g so far among the candidates of the same or a larger ensemble; a larger ensemble starts afresh."""

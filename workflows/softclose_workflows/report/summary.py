@@ -88,10 +88,8 @@ def metrics(data: ReportData, i: int) -> list[list[str]]:
         name = f"{limit:g}"
         rows.append([
             f"faster than {name} cm/s", percent(c[f"p_exceed_{name}"], 2),
-            percent_interval(c[f"p_exceed_wilson_lower_{name}"], c[f"p_exceed_wilson_upper_{name}"], 2),
+            percent_interval(c[f"p_exceed_wilson_{name}_lower"], c[f"p_exceed_wilson_{name}_upper"], 2),
         ])  # fmt: skip
-    if data.config.population.sampling != "monte-carlo":
-        rows = [[name, value, ""] for name, value, _ in rows]
     return [*rows, ["switches", f"{int(data.candidates.n_switches[i]):,}".replace(",", "\u202f"), ""]]
 
 

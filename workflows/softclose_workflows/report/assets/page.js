@@ -105,6 +105,8 @@
     }
     el.style.height = `${layout.height}px`;
     Plotly.react(el, data, layout, {
+      // plotly.js offers to upload a chart to its makers' cloud unless told not to: this is somebody's design.
+      showSendToCloud: false, plotlyServerURL: "",
       displaylogo: false, responsive: false, displayModeBar: state.printing || narrow.matches ? false : "hover",
       modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
       toImageButtonOptions: { format: "svg", filename: `softclose-${name}` },
