@@ -74,30 +74,55 @@ class Scales:
         )
 
 
+_CORE = 0.9
+"""Share of an axis that covers its core; the rest reaches, geometrically, to the far end of what is admissible."""
+
+_OVERLAP = -0.5
+"""Value of a gap at which a pulse starts together with the one before it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coordinate:
-    """One axis of the unit cube."""
+    """One axis of the unit cube: a core that deserves most of the search, and a tail that leaves nothing out."""
 
     name: str
     """impulse, rise, volts, gap or peak, with the number of its pulse from 1."""
     low: float
     """Value at 0, in the unit of the name: impulse [scale], rise [µs], volts [V], gap [periods], peak [µs]."""
     high: float
-    """Value at 1."""
+    """Value at the end of the core."""
+    far: float | None = None
+    """Value at 1; None where the core is the whole axis."""
     log: bool = False
-    """True where the axis is logarithmic."""
+    """True where the core is logarithmic."""
 
     def value(self, u: FloatArray) -> FloatArray:
         """Unit -> physical, any shape."""
-        if self.log:
-            return self.low * np.exp(u * math.log(self.high / self.low))
-        return self.low + u * (self.high - self.low)
+        core = u if self.far is None else u / _CORE
+        inner = np.minimum(core, 1.0) if self.far is not None else core
+        value = (
+            self.low * np.exp(inner * math.log(self.high / self.low))
+            if self.log
+            else self.low + inner * (self.high - self.low)
+        )
+        if self.far is None:
+            return np.asarray(value)
+        beyond = np.maximum(u - _CORE, 0.0) / (1.0 - _CORE)
+        return np.asarray(value * np.exp(beyond * math.log(self.far / self.high)))
 
-    def unit(self, value: float) -> float:
-        """Physical -> unit; outside [0, 1] where the value is outside, ±inf where it has no logarithm."""
-        if self.log:
-            return math.log(value / self.low) / math.log(self.high / self.low) if value > 0.0 else -math.inf
-        return (value - self.low) / (self.high - self.low)
+    def unit(self, value: ArrayLike) -> FloatArray:
+        """Physical -> unit, any shape; outside [0, 1] where the value is outside, -inf where it has no logarithm."""
+        v = np.asarray(value, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inner = (
+                np.log(v / self.low) / math.log(self.high / self.low)
+                if self.log
+                else (v - self.low) / (self.high - self.low)
+            )
+            if self.far is None:
+                return np.asarray(inner)
+            beyond = np.log(v / self.high) / math.log(self.far / self.high)
+        return np.asarray(np.where(v > self.high, _CORE + (1.0 - _CORE) * beyond, _CORE * inner))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +175,9 @@ class Space:
                 volts = np.minimum(volts, np.sqrt(impulse / (_RAMPS * rise)))
                 peak = np.maximum(impulse / volts**2 - _RAMPS * rise, 0.0)
             if j > 1:
-                start = np.maximum(start, plateau_end + values[f"gap{j}"] * s.period_us)
+                gap = values[f"gap{j}"]
+                unit_us = np.where(gap < 0.0, (plateau_end - start) / -_OVERLAP, s.period_us)
+                start = np.maximum(start, plateau_end + gap * unit_us)
             rows[:, j - 1] = np.stack([start, rise, peak, volts], axis=1)
             plateau_end = start + rise + peak
         return rows
@@ -170,9 +197,9 @@ class Space:
         if outside.any() and not clip:
             i = int(np.flatnonzero(outside)[0])
             c = self.coordinates[i]
-            got = float(c.value(point[i : i + 1])[0])
             raise SpaceError(
-                f"{c.name} is {got:.6g}, outside [{c.low:.6g}, {c.high:.6g}] of space {self.name}: "
+                f"{c.name} is outside [{c.low:.6g}, {c.far or c.high:.6g}] of space {self.name} "
+                f"(coordinate {point[i]:.3g} of 0 to 1): "
                 "it cannot be a point of this space (clip=True takes the nearest)"
             )
         return np.clip(point, 0.0, 1.0)
@@ -186,23 +213,14 @@ class Space:
         if any(holding[:-1]) or holding[-1] != self.holds:
             last = "hold" if self.holds else "end"
             raise SpaceError(f"in space {self.name} the last pulse must {last}, and no other pulse may hold")
-        values: dict[str, float] = {}
-        plateau_end = 0.0
-        for j, p in enumerate(pulses, start=1):
-            values[f"rise{j}"], values[f"volts{j}"] = p.rise_us, p.volts
-            if j > 1:
-                values[f"gap{j}"] = (p.start_us - plateau_end) / self.scales.period_us
-            elif p.start_us > 1e-9:
-                raise SpaceError(f"the first pulse starts at {p.start_us:g} µs; in space {self.name} it starts at 0")
-            if j < self.n_pulses:
-                values[f"impulse{j}"] = p.volts**2 * (p.peak_us + _RAMPS * p.rise_us) / self.scales.impulse
-            else:
-                values[f"peak{j}"] = p.peak_us
-            plateau_end = p.start_us + p.rise_us + p.peak_us
+        if pulses[0].start_us > 1e-9:
+            raise SpaceError(f"the first pulse starts at {pulses[0].start_us:g} µs; in space {self.name} it starts at 0")
         for name, value in self.fixed:
-            if not math.isclose(values[name], value, rel_tol=1e-9):
-                raise SpaceError(f"{name} is {values[name]:.6g}; space {self.name} fixes it at {value:.6g}")
-        return np.array([c.unit(values[c.name]) for c in self.coordinates])
+            p = pulses[int(name[-1]) - 1]
+            got = p.rise_us if name.startswith("rise") else p.volts
+            if not math.isclose(got, value, rel_tol=1e-9):
+                raise SpaceError(f"{name} is {got:.6g}; space {self.name} fixes it at {value:.6g}")
+        return np.asarray(self._coordinates(waveform.rows()[None])[0])
 
     def canonical(self, point: ArrayLike) -> FloatArray:
         """(d,) the point that stands for the waveform of `point`, after every repair."""
@@ -221,14 +239,14 @@ class Space:
         if not fits.all() and gaps:
             moved = u[~fits]
             for i in gaps:
-                moved[:, i] = np.maximum(moved[:, i], self.coordinates[i].unit(0.0))
+                moved[:, i] = np.maximum(moved[:, i], float(self.coordinates[i].unit(0.0)))
             u[~fits] = moved
             rows[~fits] = self.rows(moved)
             fits[~fits] = self._peak(rows[~fits]) <= self.scales.max_volts * (1.0 + 1e-6)
-        return self._coordinates(rows), fits
+        return np.clip(self._coordinates(rows), 0.0, 1.0), fits
 
     def _coordinates(self, rows: FloatArray) -> FloatArray:
-        """Vectorised `coordinates_of`, clipped: (n, n_pulse, 4) -> (n, d)."""
+        """(n, n_pulse, 4) rows -> (n, d) coordinates, not clipped."""
         out = np.empty((len(rows), self.dim))
         plateau_end = rows[:, :, 0] + rows[:, :, 1] + rows[:, :, 2]
         for i, c in enumerate(self.coordinates):
@@ -237,13 +255,13 @@ class Space:
             if c.name.startswith("impulse"):
                 value = volts**2 * (peak + _RAMPS * rise) / self.scales.impulse
             elif c.name.startswith("gap"):
-                value = (start - plateau_end[:, j - 1]) / self.scales.period_us
+                late = start - plateau_end[:, j - 1]
+                early = (plateau_end[:, j - 1] - rows[:, j - 1, 0]) / -_OVERLAP
+                value = late / np.where(late < 0.0, early, self.scales.period_us)
             else:
                 value = {"rise": rise, "peak": peak, "volts": volts}[c.name[:-1]]
-            out[:, i] = (
-                np.log(value / c.low) / math.log(c.high / c.low) if c.log else (value - c.low) / (c.high - c.low)
-            )
-        return np.clip(out, 0.0, 1.0)
+            out[:, i] = c.unit(value)
+        return out
 
     @staticmethod
     def _peak(rows: FloatArray) -> FloatArray:
@@ -259,7 +277,8 @@ class Space:
 
     def _repair(self, rows: FloatArray) -> Waveform:
         """Delay each pulse until the sum of the pulses so far respects the limit."""
-        limit = self.scales.max_volts * (1.0 + 5e-10)
+        # Waveform.check allows 1e-9; what was repaired once must not be repaired again after a round trip.
+        limit, target = self.scales.max_volts * (1.0 + 8e-10), self.scales.max_volts * (1.0 + 1e-10)
         pulses = [Pulse(*rows[0])]
         for row, before in zip(rows[1:], rows[:-1], strict=True):
             gap = row[0] - (before[0] + before[1] + before[2])
@@ -268,15 +287,15 @@ class Space:
             pulse = replace(Pulse(*row), start_us=earliest)
             clear = max(p.end_us for p in pulses)
 
-            def fits(start: float, pulse: Pulse = pulse) -> bool:
+            def peak(start: float, pulse: Pulse = pulse) -> float:
                 together = Waveform([*pulses, replace(pulse, start_us=start)])
-                return together.max_voltage(self._span(together)) <= limit
+                return together.max_voltage(self._span(together))
 
-            if earliest < clear and not fits(earliest):
+            if earliest < clear and peak(earliest) > limit:
                 low, high = earliest, clear
                 while high - low > 1e-6:
                     middle = 0.5 * (low + high)
-                    low, high = (low, middle) if fits(middle) else (middle, high)
+                    low, high = (low, middle) if peak(middle) <= target else (middle, high)
                 pulse = replace(pulse, start_us=high)
             pulses.append(pulse)
         return Waveform(pulses)
@@ -295,19 +314,20 @@ def build_space(name: str, scales: Scales) -> Space:
         raise SpaceError(f"no search space named {name!r}{hint} Known: {', '.join(SPACES)} (waveform.space)")
     n_pulses, holds = SPACES[name]
     s = scales
-    weakest = min(0.25 * s.pull_in_volts, 0.5 * s.max_volts)
+    weakest = 0.1 * min(s.pull_in_volts, s.max_volts)  # 1 % of the force at pull-in
     axes: list[Coordinate] = []
+    slow = max(s.period_us, 2.0 * s.min_rise_us)
+    end = max(s.horizon_us, 4.0 * s.period_us)
     for j in range(1, n_pulses + 1):
         last = j == n_pulses
         if j > 1:
-            axes.append(Coordinate(name=f"gap{j}", low=-1.0, high=2.0))
+            axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.5))
         if not last:
-            axes.append(Coordinate(name=f"impulse{j}", low=0.0, high=2.5))
-        slowest = max((2.5 if last else 1.0) * s.period_us, 2.0 * s.min_rise_us)
-        axes.append(Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slowest, log=True))
+            axes.append(Coordinate(name=f"impulse{j}", low=0.0, high=1.5))
+        axes.append(Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slow, log=True))
         axes.append(Coordinate(name=f"volts{j}", low=weakest, high=s.max_volts))
         if last and not holds:
-            axes.append(Coordinate(name=f"peak{j}", low=0.25 * s.min_rise_us, high=2.0 * s.horizon_us, log=True))
+            axes.append(Coordinate(name=f"peak{j}", low=0.25 * s.min_rise_us, high=2.0 * end, log=True))
     fixed: tuple[tuple[str, float], ...] = ()
     if name == "two-pulse-paper":
         fixed = (("rise1", s.min_rise_us), ("volts1", s.max_volts))
