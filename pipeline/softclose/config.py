@@ -147,6 +147,8 @@ class OptimiserSection:
     """Best of them, polished by L-BFGS."""
     fit_iterations: Count = 12
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
+    n_fit: Annotated[int, Field(ge=16, strict=True)] = 100
+    """Points nearest to the incumbent from which the hyperparameters are fitted; the surrogate uses all points."""
     global_every: Annotated[int, Field(ge=0, strict=True)] = 4
     """Every so many proposals the acquisition looks everywhere; 0: never."""
     warp: Literal["none", "clip", "log"] = "clip"

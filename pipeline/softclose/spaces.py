@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,55 +75,42 @@ class Scales:
         )
 
 
-_CORE = 0.9
-"""Share of an axis that covers its core; the rest reaches, geometrically, to the far end of what is admissible."""
-
 _OVERLAP = -0.5
 """Value of a gap at which a pulse starts together with the one before it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coordinate:
-    """One axis of the unit cube: a core that deserves most of the search, and a tail that leaves nothing out."""
+    """One axis of the unit cube."""
 
     name: str
     """impulse, rise, volts, gap or peak, with the number of its pulse from 1."""
     low: float
     """Value at 0, in the unit of the name: impulse [scale], rise [µs], volts [V], gap [periods], peak [µs]."""
     high: float
-    """Value at the end of the core."""
-    far: float | None = None
-    """Value at 1; None where the core is the whole axis."""
+    """Value at 1."""
     log: bool = False
-    """True where the core is logarithmic."""
+    """True where the axis is logarithmic."""
+    dense: Literal["evenly", "low", "high"] = "evenly"
+    """End at which the axis is stretched (quadratically): half of it covers the quarter of the range at that end."""
 
     def value(self, u: FloatArray) -> FloatArray:
         """Unit -> physical, any shape."""
-        core = u if self.far is None else u / _CORE
-        inner = np.minimum(core, 1.0) if self.far is not None else core
-        value = (
-            self.low * np.exp(inner * math.log(self.high / self.low))
-            if self.log
-            else self.low + inner * (self.high - self.low)
-        )
-        if self.far is None:
-            return np.asarray(value)
-        beyond = np.maximum(u - _CORE, 0.0) / (1.0 - _CORE)
-        return np.asarray(value * np.exp(beyond * math.log(self.far / self.high)))
+        t = u**2 if self.dense == "low" else 1.0 - (1.0 - u) ** 2 if self.dense == "high" else u
+        if self.log:
+            return np.asarray(self.low * np.exp(t * math.log(self.high / self.low)))
+        return np.asarray(self.low + t * (self.high - self.low))
 
     def unit(self, value: ArrayLike) -> FloatArray:
         """Physical -> unit, any shape; outside [0, 1] where the value is outside, -inf where it has no logarithm."""
         v = np.asarray(value, dtype=np.float64)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inner = (
-                np.log(v / self.low) / math.log(self.high / self.low)
-                if self.log
-                else (v - self.low) / (self.high - self.low)
-            )
-            if self.far is None:
-                return np.asarray(inner)
-            beyond = np.log(v / self.high) / math.log(self.far / self.high)
-        return np.asarray(np.where(v > self.high, _CORE + (1.0 - _CORE) * beyond, _CORE * inner))
+        with np.errstate(divide="ignore"):
+            t = np.log(v / self.low) / math.log(self.high / self.low) if self.log else (v - self.low) / (self.high - self.low)
+        if self.dense == "low":
+            return np.asarray(np.sign(t) * np.sqrt(np.abs(t)))
+        if self.dense == "high":
+            return np.asarray(1.0 - np.sign(1.0 - t) * np.sqrt(np.abs(1.0 - t)))
+        return np.asarray(t)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,7 +186,7 @@ class Space:
             i = int(np.flatnonzero(outside)[0])
             c = self.coordinates[i]
             raise SpaceError(
-                f"{c.name} is outside [{c.low:.6g}, {c.far or c.high:.6g}] of space {self.name} "
+                f"{c.name} is outside [{c.low:.6g}, {c.high:.6g}] of space {self.name} "
                 f"(coordinate {point[i]:.3g} of 0 to 1): "
                 "it cannot be a point of this space (clip=True takes the nearest)"
             )
@@ -315,17 +303,23 @@ def build_space(name: str, scales: Scales) -> Space:
     n_pulses, holds = SPACES[name]
     s = scales
     weakest = 0.1 * min(s.pull_in_volts, s.max_volts)  # 1 % of the force at pull-in
-    axes: list[Coordinate] = []
+    idle = min(0.7 * s.hold_volts, 0.5 * s.max_volts)  # half of the force that holds the mean switch
     slow = max(s.period_us, 2.0 * s.min_rise_us)
     end = max(s.horizon_us, 4.0 * s.period_us)
+    axes: list[Coordinate] = []
     for j in range(1, n_pulses + 1):
         last = j == n_pulses
         if j > 1:
             axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.5))
         if not last:
             axes.append(Coordinate(name=f"impulse{j}", low=0.0, high=1.5))
-        axes.append(Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slow, log=True))
-        axes.append(Coordinate(name=f"volts{j}", low=weakest, high=s.max_volts))
+        # Short and strong pulses disperse the ensemble least (paper §3.2); a hold needs little more than what holds.
+        axes.append(
+            Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slow, log=True, dense="evenly" if last else "low")
+        )
+        axes.append(
+            Coordinate(name=f"volts{j}", low=idle if last else weakest, high=s.max_volts, dense="low" if last else "high")
+        )
         if last and not holds:
             axes.append(Coordinate(name=f"peak{j}", low=0.25 * s.min_rise_us, high=2.0 * end, log=True))
     fixed: tuple[tuple[str, float], ...] = ()

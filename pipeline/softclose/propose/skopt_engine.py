@@ -155,7 +155,7 @@ def _warp(g: FloatArray, mode: str) -> tuple[FloatArray, float]:
     return (y - y.mean()) / spread, unit / spread
 
 
-def _fit(points: FloatArray, y: FloatArray, noise: FloatArray, max_iterations: int) -> _Surrogate:
+def _fit(points: FloatArray, y: FloatArray, noise: FloatArray, max_iterations: int, centre: FloatArray, n_fit: int) -> _Surrogate:
     """Hyperparameters by maximum likelihood from a fixed start: nothing is carried over from earlier proposals."""
     dim = points.shape[1]
     kernel = ConstantKernel(1.0, (0.05, 50.0)) * Matern(
@@ -168,9 +168,16 @@ def _fit(points: FloatArray, y: FloatArray, noise: FloatArray, max_iterations: i
         )
         return found.x, float(found.fun)
 
-    model = _Surrogate(kernel, alpha=noise + 1e-8, optimizer=optimise, noise="gaussian")
-    model.fit(points, y)
-    return model
+    near = np.argsort(((points - centre) ** 2).sum(axis=1), kind="stable")[:n_fit]
+    model = _Surrogate(kernel, alpha=noise[near] + 1e-8, optimizer=optimise, noise="gaussian")
+    model.fit(points[near], y[near])
+    if len(near) == len(points):
+        return model
+    hyper = model.kernel_
+    everything = _Surrogate(hyper, alpha=noise + float(model.noise_ or 0.0) + 1e-8, optimizer=None)
+    everything.fit(points, y)
+    everything.noise_ = model.noise_
+    return everything
 
 
 def _acquire(
@@ -185,14 +192,14 @@ def _acquire(
     space, settings = problem.space, problem.config.optimiser
     y, per_cm_s = _warp(data.g, settings.warp)
     noise = settings.noise_share * (data.se * per_cm_s) ** 2
-    model = _fit(data.points, y, noise, settings.fit_iterations)
+    centre = data.points[int(np.argmin(data.g)) if region.incumbent is None else region.incumbent]
+    model = _fit(data.points, y, noise, settings.fit_iterations, centre, settings.n_fit)
     hyper = model.kernel_.get_params()
     scales = np.broadcast_to(np.asarray(hyper["k1__k2__length_scale"], dtype=np.float64), (space.dim,))
     beliefs = {f"length_scale_{name}": float(v) for name, v in zip(space.names, scales, strict=True)}
     beliefs |= {"noise": float(model.noise_ or 0.0), "amplitude": float(hyper["k1__k1__constant_value"])}
     model = _believe(problem, model, data, y, noise, pending)
 
-    centre = data.points[int(np.argmin(data.g)) if region.incumbent is None else region.incumbent]
     low, high = (np.zeros(space.dim), np.ones(space.dim)) if everywhere else region.box(np.clip(centre, 0, 1), scales)
     target = float(y.min())
     candidates = low + (high - low) * sobol_points(space.dim, settings.n_candidates, rng)
