@@ -312,7 +312,7 @@ def build_space(name: str, scales: Scales) -> Space:
         if j > 1:
             axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.5))
         if not last:
-            axes.append(Coordinate(name=f"impulse{j}", low=0.0, high=1.5))
+            axes.append(Coordinate(name=f"impulse{j}", low=0.05, high=1.5, log=True))
         # Short and strong pulses disperse the ensemble least (paper §3.2); a hold needs little more than what holds.
         axes.append(
             Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slow, log=True, dense="evenly" if last else "low")

@@ -203,6 +203,10 @@ def _acquire(
     low, high = (np.zeros(space.dim), np.ones(space.dim)) if everywhere else region.box(np.clip(centre, 0, 1), scales)
     target = float(y.min())
     candidates = low + (high - low) * sobol_points(space.dim, settings.n_candidates, rng)
+    if not everywhere:
+        n_near = len(candidates) * 3 // 4
+        moves = (candidates[:n_near] - centre) * (rng.random((n_near, space.dim)) < np.linspace(0.15, 1.0, n_near)[:, None])
+        candidates[:n_near] = centre + moves * 4.0 ** -rng.integers(0, 3, n_near)[:, None]
     candidates, fits = space.settle(candidates)
     candidates = candidates[fits]
     if not len(candidates):
