@@ -141,29 +141,31 @@ class OptimiserSection:
     """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
     n_initial: Annotated[int, Field(ge=2, strict=True)] = 20
     """Space-filling candidates before the surrogate proposes."""
+    n_restart: Annotated[int, Field(ge=2, strict=True)] = 15
+    """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
     n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
     """Points at which the acquisition is screened."""
     n_polish: Annotated[int, Field(ge=0, strict=True)] = 3
     """Best of them, polished by L-BFGS."""
-    fit_iterations: Count = 12
+    fit_iterations: Count = 20
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
     n_fit: Annotated[int, Field(ge=16, strict=True)] = 100
     """Points nearest to the incumbent from which the hyperparameters are fitted; the surrogate uses all points."""
-    global_every: Annotated[int, Field(ge=0, strict=True)] = 4
+    global_every: Annotated[int, Field(ge=0, strict=True)] = 0
     """Every so many proposals the acquisition looks everywhere; 0: never."""
-    warp: Literal["none", "clip", "log"] = "clip"
+    warp: Literal["none", "clip", "log"] = "log"
     """What the surrogate sees of g: as it is, cut off above the median, or its logarithm above the best."""
-    noise_share: Annotated[float, Field(ge=0, le=1)] = 0.02
+    noise_share: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Share of g's sampling variance that counts as noise between candidates, which share one ensemble."""
     length_initial: Positive = 0.8
     """Width of the trust region at the start, in units of the search cube."""
-    length_min: Positive = 0.01
+    length_min: Positive = 0.04
     """Width below which the trust region starts again."""
     length_max: Positive = 1.6
     """Largest width."""
     success_tolerance: Count = 3
     """Successes in a row that double the trust region."""
-    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 0
+    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 6
     """Failures in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""
@@ -177,6 +179,14 @@ class FinishSection:
     """Candidates of the finishing stage; 0 leaves it out."""
     n_switches: Count = 2000
     """Switches per candidate of the finishing stage."""
+    n_basins: Count = 8
+    """Distinct basins of the search that are evaluated again, best first."""
+    distance: Annotated[float, Field(gt=0, le=1)] = 0.1
+    """Largest coordinate distance in the search cube below which two candidates are one basin."""
+    method: Literal["surrogate", "cmaes", "nelder-mead"] = "surrogate"
+    """How the best basin is polished."""
+    sigma: Annotated[float, Field(gt=0, le=0.5)] = 0.03
+    """Size of the first steps of the polish, in units of the search cube."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)

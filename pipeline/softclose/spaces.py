@@ -75,7 +75,7 @@ class Scales:
         )
 
 
-_OVERLAP = -0.5
+_OVERLAP = -0.25
 """Value of a gap at which a pulse starts together with the one before it."""
 
 
@@ -302,18 +302,18 @@ def build_space(name: str, scales: Scales) -> Space:
         raise SpaceError(f"no search space named {name!r}{hint} Known: {', '.join(SPACES)} (waveform.space)")
     n_pulses, holds = SPACES[name]
     s = scales
-    weakest = 0.1 * min(s.pull_in_volts, s.max_volts)  # 1 % of the force at pull-in
+    weakest = 0.5 * min(s.pull_in_volts, s.max_volts)  # a quarter of the force at pull-in
     idle = min(0.7 * s.hold_volts, 0.5 * s.max_volts)  # half of the force that holds the mean switch
-    slow = max(s.period_us, 2.0 * s.min_rise_us)
     end = max(s.horizon_us, 4.0 * s.period_us)
     axes: list[Coordinate] = []
     for j in range(1, n_pulses + 1):
         last = j == n_pulses
         if j > 1:
-            axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.5))
+            axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.25))
         if not last:
-            axes.append(Coordinate(name=f"impulse{j}", low=0.05, high=1.5, log=True))
+            axes.append(Coordinate(name=f"impulse{j}", low=0.05, high=1.25))
         # Short and strong pulses disperse the ensemble least (paper §3.2); a hold needs little more than what holds.
+        slow = max(s.period_us if last else 0.5 * s.period_us, 2.0 * s.min_rise_us)
         axes.append(
             Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slow, log=True, dense="evenly" if last else "low")
         )

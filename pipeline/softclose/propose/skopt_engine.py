@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,13 +24,14 @@ from threadpoolctl import threadpool_limits
 
 from softclose.propose.protocol import Observation, Problem, Proposal, search_history
 from softclose.propose.sobol import initial_point, sobol_points
-from softclose.propose.trust_region import DESIGN, GLOBAL, LOCAL, TrustRegion, TrustRegionRules, replay
+from softclose.propose.trust_region import DESIGN, GLOBAL, LOCAL, RESTART, TrustRegion, TrustRegionRules, replay
 from softclose.spaces import SpaceError
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
 
 FALLBACK = "fallback"
+POLISH = "finish-polish"
 
 
 class _Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
@@ -57,6 +58,7 @@ class _Data:
     g: FloatArray
     se: FloatArray
     origins: tuple[str, ...]
+    indices: NDArray[np.int64]
 
 
 class SkoptEngine:
@@ -79,6 +81,9 @@ def _propose(problem: Problem, index: int, history: Sequence[Observation], pendi
     if len(data.g) < 2:
         return _proposal(problem, initial_point(problem, place), FALLBACK, note="fewer than two usable candidates")
     region = replay(data.g, data.origins, _rules(problem))
+    since = index - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
+    if region.restarts and (since < settings.n_restart or region.incumbent is None):
+        return _proposal(problem, initial_point(problem, since, f"again{region.restarts}"), RESTART)
     everywhere = settings.global_every > 0 and (place - settings.n_initial) % settings.global_every == (
         settings.global_every - 1
     )
@@ -92,6 +97,25 @@ def _propose(problem: Problem, index: int, history: Sequence[Observation], pendi
         near = np.clip(best + 0.25 * region.length * rng.standard_normal(problem.space.dim), 0.0, 1.0)
         return _proposal(problem, near, FALLBACK, note=f"surrogate failed ({type(e).__name__}: {e})"[:200])
     return _proposal(problem, point, GLOBAL if everywhere else LOCAL, beliefs)
+
+
+def polish(
+    problem: Problem, index: int, finished: Sequence[Observation], pending: Sequence[Waveform]
+) -> FloatArray | None:
+    """The next point of the finishing stage: a small trust region around its best record; None where it fails."""
+    data = _collect(problem, finished)
+    if len(data.g) < 2:
+        return None
+    settings = problem.config.finish
+    rules = replace(_rules(problem), initial=8.0 * settings.sigma, smallest=1e-4, largest=0.8)
+    region = replay(data.g, [LOCAL if o == POLISH else o for o in data.origins], rules)
+    region = replace(region, incumbent=int(np.argmin(data.g)), begin=0)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _acquire(problem, data, region, pending, False, problem.generator("polish", index))[0]
+    except (np.linalg.LinAlgError, ValueError, FloatingPointError):
+        return None
 
 
 def _proposal(
@@ -120,7 +144,7 @@ def _rules(problem: Problem) -> TrustRegionRules:
 
 def _collect(problem: Problem, history: Sequence[Observation]) -> _Data:
     """The usable records that are points of the space; a failed candidate or one of another form teaches nothing."""
-    points, g, se, origins = [], [], [], []
+    points, g, se, origins, indices = [], [], [], [], []
     for o in history:
         if not o.usable:
             continue
@@ -134,9 +158,10 @@ def _collect(problem: Problem, history: Sequence[Observation]) -> _Data:
         g.append(o.g_cm_s)
         se.append(o.g_se_cm_s if np.isfinite(o.g_se_cm_s) else 0.0)
         origins.append(o.origin)
+        indices.append(o.index)
     dim = problem.space.dim
     return _Data(
-        points=np.array(points, dtype=np.float64).reshape(-1, dim), g=np.array(g), se=np.array(se), origins=tuple(origins)
+        points=np.array(points, dtype=np.float64).reshape(-1, dim), g=np.array(g), se=np.array(se), origins=tuple(origins), indices=np.array(indices, dtype=np.int64)
     )
 
 
@@ -162,9 +187,17 @@ def _fit(points: FloatArray, y: FloatArray, noise: FloatArray, max_iterations: i
         length_scale=np.full(dim, 0.5), length_scale_bounds=(0.05, 4.0), nu=2.5
     ) + WhiteKernel(1e-3, (1e-6, 0.2))
 
+    centre_of_prior = np.log([1.0, *([0.5] * dim), 1e-3])
+    width_of_prior = np.array([1.0, *([0.8] * dim), 2.0])
+
     def optimise(objective: Callable[..., Any], theta: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
+        def posterior(t: FloatArray) -> tuple[float, FloatArray]:
+            value, gradient = objective(t)
+            pull = (t - centre_of_prior) / width_of_prior
+            return float(value) + 0.5 * float(pull @ pull), gradient + pull / width_of_prior
+
         found = minimize(
-            objective, theta, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": max_iterations}
+            posterior, theta, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": max_iterations}
         )
         return found.x, float(found.fun)
 
@@ -192,7 +225,7 @@ def _acquire(
     space, settings = problem.space, problem.config.optimiser
     y, per_cm_s = _warp(data.g, settings.warp)
     noise = settings.noise_share * (data.se * per_cm_s) ** 2
-    centre = data.points[int(np.argmin(data.g)) if region.incumbent is None else region.incumbent]
+    centre = data.points[region.incumbent if region.incumbent is not None else int(np.argmin(data.g))]
     model = _fit(data.points, y, noise, settings.fit_iterations, centre, settings.n_fit)
     hyper = model.kernel_.get_params()
     scales = np.broadcast_to(np.asarray(hyper["k1__k2__length_scale"], dtype=np.float64), (space.dim,))
@@ -201,7 +234,7 @@ def _acquire(
     model = _believe(problem, model, data, y, noise, pending)
 
     low, high = (np.zeros(space.dim), np.ones(space.dim)) if everywhere else region.box(np.clip(centre, 0, 1), scales)
-    target = float(y.min())
+    target = float(y.min() if everywhere or region.incumbent is None else y[region.incumbent])
     candidates = low + (high - low) * sobol_points(space.dim, settings.n_candidates, rng)
     if not everywhere:
         n_near = len(candidates) * 3 // 4

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-LOCAL, GLOBAL, DESIGN = "trust-region", "global", "sobol"
-"""Origins of the three kinds of proposal."""
+LOCAL, GLOBAL, DESIGN, RESTART = "trust-region", "global", "sobol", "restart"
+"""Origins of the four kinds of proposal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class TrustRegion:
         return np.clip(centre - half, 0.0, 1.0), np.clip(centre + half, 0.0, 1.0)
 
 
-def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules, *, n_restart: int = 0) -> TrustRegion:
+def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules) -> TrustRegion:
     """The trust region after the records (g [cm/s], NaN where failed; origin), in their order."""
     length, successes, failures, begin, restarts = rules.initial, 0, 0, 0, 0
     incumbent: int | None = None
@@ -72,6 +72,5 @@ def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules, 
         if length < rules.smallest:
             length, successes, failures = rules.initial, 0, 0
             restarts += 1
-            if n_restart:
-                begin, best, incumbent = i + 1, np.inf, None
+            begin, best, incumbent = i + 1, np.inf, None
     return TrustRegion(length=length, incumbent=incumbent, begin=begin, restarts=restarts)

@@ -1,0 +1,106 @@
+"""Claims about the search spaces: everything in the cube is admissible, and the two maps are inverse."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from softclose.spaces import SPACES, Scales, SpaceError, build_space
+from softclose.waveform import Pulse, Waveform
+
+CURRENT = (2.43, 3.68, 65.3, 3.41)
+MODIFIED = (1.93, 4.18, 80.0, 3.7)
+
+
+def space_of(name, switch=CURRENT, **limits):
+    return build_space(name, Scales.from_switch(switch, plate_area_um2=16700.0, **limits))
+
+
+def test_scales_are_those_of_the_printed_mean_switch():
+    s = Scales.from_switch(CURRENT, plate_area_um2=16700.0)
+    assert s.period_us == pytest.approx(2 * math.pi / math.sqrt(65.3 / 3410.0), rel=1e-12)
+    assert s.pull_in_volts == pytest.approx(80.75, abs=0.05)  # Eq. 3
+    force = 8.8541878128e-12 * 16700e-12 / 2 * (s.hold_volts / ((3.68 - 2.43) * 1e-6)) ** 2
+    assert force == pytest.approx(65.3 * 2.43e-6, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "dim"), [
+    ("two-pulse-paper", 4), ("two-pulse-full", 6), ("two-pulse-release", 7),
+    ("three-pulse-full", 10), ("three-pulse-release", 11),
+])  # fmt: skip
+def test_every_parameter_of_every_pulse_is_free(name, dim):
+    space = space_of(name)
+    assert space.dim == dim
+    rng = np.random.default_rng(1)
+    rows = np.array([space.waveform(rng.random(dim)).rows() for _ in range(40)])
+    free = np.ptp(np.where(np.isinf(rows), 0.0, rows), axis=0) > 0.0
+    assert free.sum() == dim
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), name=st.sampled_from(sorted(SPACES)), volts=st.sampled_from([90.0, 120.0, 150.0]),
+       switch=st.sampled_from([CURRENT, MODIFIED]))  # fmt: skip
+def test_every_point_of_the_cube_is_admissible_and_round_trips(data, name, volts, switch):
+    space = space_of(name, switch, max_volts=volts)
+    point = data.draw(st.lists(st.floats(0.0, 1.0), min_size=space.dim, max_size=space.dim))
+    waveform = space.waveform(point)
+    waveform.check(volts, 250.0)
+    assert all(p.rise_us >= 4.0 for p in waveform.pulses)
+    again = space.waveform(space.unit(waveform, clip=True))
+    np.testing.assert_allclose(again.rows(), waveform.rows(), rtol=1e-7, atol=2e-6)
+
+
+def test_overlapping_pulses_are_reached():
+    space = space_of("three-pulse-full")
+    rng = np.random.default_rng(2)
+    overlapping = 0
+    for _ in range(200):
+        a, b, _hold = space.waveform(rng.random(10)).pulses
+        overlapping += b.start_us < a.end_us
+    assert overlapping > 20
+
+
+def test_an_overlap_above_the_limit_is_delayed_until_it_just_fits():
+    space = space_of("two-pulse-full")
+    point = np.full(6, 0.5)
+    point[list(space.names).index("gap2")] = 0.0
+    point[list(space.names).index("volts1")] = 1.0
+    waveform = space.waveform(point)
+    assert waveform.max_voltage() == pytest.approx(150.0, rel=1e-6)
+    assert waveform.pulses[1].start_us > 0.0
+
+
+def test_screening_agrees_with_the_exact_map_where_nothing_is_repaired():
+    space = space_of("three-pulse-full")
+    points = np.random.default_rng(3).random((300, 10))
+    settled, fits = space.settle(points)
+    for before, after, ok in zip(points, settled, fits, strict=True):
+        if ok and np.allclose(before, after):
+            np.testing.assert_allclose(space.canonical(before), after, atol=2e-3)
+
+
+def test_another_form_is_refused_with_what_was_expected():
+    space = space_of("two-pulse-full")
+    with pytest.raises(SpaceError, match="has 1 pulses"):
+        space.unit(Waveform([Pulse(0, 4, 10, 100)]))
+    with pytest.raises(SpaceError, match="last pulse must hold"):
+        space.unit(Waveform([Pulse(0, 4, 3, 100), Pulse(20, 4, 10, 80)]))
+    with pytest.raises(SpaceError, match="fixes it at"):
+        space_of("two-pulse-paper").unit(Waveform([Pulse(0, 5, 3, 150), Pulse(20, 4, math.inf, 80)]))
+
+
+def test_a_waveform_outside_the_ranges_is_refused_or_clipped():
+    space = space_of("two-pulse-full")
+    far = Waveform([Pulse(0, 4, 3, 150), Pulse(20, 200.0, math.inf, 80)])
+    with pytest.raises(SpaceError, match="rise2"):
+        space.unit(far)
+    assert space.unit(far, clip=True)[list(space.names).index("rise2")] == 1.0
+
+
+def test_an_unknown_space_names_the_nearest():
+    with pytest.raises(SpaceError, match="did you mean 'three-pulse-full'"):
+        space_of("three-pulse-ful")
