@@ -37,7 +37,8 @@ def main() -> None:
     first, last = (int(v) for v in options.seeds.split("-"))
     marks = [n for n in (20, 50, 100, 150, 200, 300, 500, 1000) if n <= config.total_budget]
     print(f"{options.space}, {options.population}, N = {options.n_switches} {options.sampling}, seeds {options.seeds}")
-    print("| engine | " + " | ".join(f"at {n}" for n in marks) + " | final of each seed | s a run | slowest proposal, s |")
+    heads = ["engine", *(f"at {n}" for n in marks), "final of each seed", "s a run", "slowest proposal, s"]
+    print("| " + " | ".join(heads) + " |")
     print("| --- " * (len(marks) + 4) + "|")
     for engine in options.engines:
         runs = list(compare_engines(config, [engine], range(first, last + 1)))

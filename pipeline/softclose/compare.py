@@ -1,4 +1,5 @@
-"""Owns the comparison of engines on one problem, in this process: best objective against evaluations and against time."""
+"""Owns the comparison of engines on one problem, in this process: best objective against evaluations and against
+time."""
 
 from __future__ import annotations
 
@@ -59,9 +60,9 @@ def with_seed(config: CampaignConfig, seed: int) -> CampaignConfig:
     return replace(config, campaign=replace(config.campaign, seed=seed))
 
 
-def run_engine(config: CampaignConfig, engine: Engine | str, *, evaluator: Callable[..., Observation] = evaluate) -> tuple[
-    list[Observation], FloatArray, FloatArray
-]:  # fmt: skip
+def run_engine(
+    config: CampaignConfig, engine: Engine | str, *, evaluator: Callable[..., Observation] = evaluate
+) -> tuple[list[Observation], FloatArray, FloatArray]:
     """A whole campaign in this process: its observations, (n,) times since the start and (n,) proposal times [s]."""
     problem = Problem(config)
     search = load_engine(engine) if isinstance(engine, str) else engine

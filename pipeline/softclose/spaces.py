@@ -1,8 +1,9 @@
 """Owns the search spaces: unit cube <-> waveform, in coordinates that mean the same for every design.
 
-A finite pulse is its impulse I = u²·(tp + ¾·tr) (the time integral of u²: what decides the momentum of the plate), its rise
-time and its voltage; the gap to the next pulse is measured from the end of the flat top, in natural periods. Every scale
-follows from the mean switch and the limits, so another thickness, gap or voltage limit needs no other numbers (ADR 030).
+A finite pulse is its impulse I = u²·(tp + ¾·tr) (the time integral of u²: what decides the momentum of the plate),
+its rise time and its voltage; the gap to the next pulse is measured from the end of the flat top, in natural periods.
+Every scale follows from the mean switch and the limits, so another thickness, gap or voltage limit needs no other
+numbers (ADR 030).
 """
 
 from __future__ import annotations
@@ -105,7 +106,10 @@ class Coordinate:
         """Physical -> unit, any shape; outside [0, 1] where the value is outside, -inf where it has no logarithm."""
         v = np.asarray(value, dtype=np.float64)
         with np.errstate(divide="ignore"):
-            t = np.log(v / self.low) / math.log(self.high / self.low) if self.log else (v - self.low) / (self.high - self.low)
+            if self.log:
+                t = np.log(v / self.low) / math.log(self.high / self.low)
+            else:
+                t = (v - self.low) / (self.high - self.low)
         if self.dense == "low":
             return np.asarray(np.sign(t) * np.sqrt(np.abs(t)))
         if self.dense == "high":
@@ -117,8 +121,9 @@ class Coordinate:
 class Space:
     """A search space: d coordinates in [0, 1], every one of which yields an admissible waveform.
 
-    Points whose pulses would exceed the voltage limit are repaired, deterministically: the later pulse is delayed until the
-    sum fits. `canonical` gives the point that stands for the repaired waveform; on it `unit` and `waveform` are inverse.
+    Points whose pulses would exceed the voltage limit are repaired, deterministically: the later pulse is delayed
+    until the sum fits. `canonical` gives the point that stands for the repaired waveform; on it `unit` and `waveform`
+    are inverse.
     """
 
     name: str
@@ -141,7 +146,8 @@ class Space:
         return tuple(c.name for c in self.coordinates)
 
     def rows(self, points: ArrayLike) -> FloatArray:
-        """(n, d) unit points -> (n, n_pulse, 4) start, rise, peak [µs], volts, before the limit on the sum is applied."""
+        """(n, d) unit points -> (n, n_pulse, 4) start, rise, peak [µs], volts, before the limit on the sum is
+        applied."""
         u = np.clip(np.atleast_2d(np.asarray(points, dtype=np.float64)), 0.0, 1.0)
         if u.shape[1] != self.dim:
             raise SpaceError(f"a point of {self.name} has {self.dim} coordinates; got {u.shape[1]}")
@@ -157,8 +163,8 @@ class Space:
             if j == self.n_pulses:
                 peak = np.full(len(u), math.inf) if self.holds else values[f"peak{j}"]
             else:
-                # The ramps alone hold ¾·tr·u². Where that is more than the impulse asked for, the voltage gives way: the
-                # impulse is what the motion is most sensitive to.
+                # The ramps alone hold ¾·tr·u². Where that is more than the impulse asked for, the voltage gives way:
+                # the impulse is what the motion is most sensitive to.
                 impulse = np.maximum(values[f"impulse{j}"] * s.impulse, _RAMPS * rise * least[f"volts{j}"] ** 2)
                 volts = np.minimum(volts, np.sqrt(impulse / (_RAMPS * rise)))
                 peak = np.maximum(impulse / volts**2 - _RAMPS * rise, 0.0)
@@ -193,7 +199,8 @@ class Space:
         return np.clip(point, 0.0, 1.0)
 
     def coordinates_of(self, waveform: Waveform) -> FloatArray:
-        """(d,) coordinates, outside [0, 1] where the waveform is outside the ranges. Raises SpaceError on another form."""
+        """(d,) coordinates, outside [0, 1] where the waveform is outside the ranges. Raises SpaceError on another
+        form."""
         pulses = waveform.pulses
         if len(pulses) != self.n_pulses:
             raise SpaceError(f"the waveform has {len(pulses)} pulses; space {self.name} has {self.n_pulses}")
@@ -202,7 +209,7 @@ class Space:
             last = "hold" if self.holds else "end"
             raise SpaceError(f"in space {self.name} the last pulse must {last}, and no other pulse may hold")
         if pulses[0].start_us > 1e-9:
-            raise SpaceError(f"the first pulse starts at {pulses[0].start_us:g} µs; in space {self.name} it starts at 0")
+            raise SpaceError(f"pulse 1 starts at {pulses[0].start_us:g} µs; in space {self.name} it starts at 0 µs")
         for name, value in self.fixed:
             p = pulses[int(name[-1]) - 1]
             got = p.rise_us if name.startswith("rise") else p.volts
@@ -215,10 +222,11 @@ class Space:
         return self.unit(self.waveform(point), clip=True)
 
     def settle(self, points: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Fast, vectorised and approximate `canonical`: (n, d) points and (n,) whether they respect the limit on the sum.
+        """Fast, vectorised and approximate `canonical`: (n, d) points and (n,) whether they respect the limit on the
+        sum.
 
-        A later pulse that is too early is moved to the end of the flat top before it; what still does not fit is flagged.
-        For screening thousands of candidates; what is proposed goes through `waveform`.
+        A later pulse that is too early is moved to the end of the flat top before it; what still does not fit is
+        flagged. For screening thousands of candidates; what is proposed goes through `waveform`.
         """
         u = np.array(np.clip(np.atleast_2d(np.asarray(points, dtype=np.float64)), 0.0, 1.0))
         rows = self.rows(u)
@@ -318,7 +326,12 @@ def build_space(name: str, scales: Scales) -> Space:
             Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slow, log=True, dense="evenly" if last else "low")
         )
         axes.append(
-            Coordinate(name=f"volts{j}", low=idle if last else weakest, high=s.max_volts, dense="low" if last else "high")
+            Coordinate(
+                name=f"volts{j}",
+                low=idle if last else weakest,
+                high=s.max_volts,
+                dense="low" if last else "high",
+            )
         )
         if last and not holds:
             axes.append(Coordinate(name=f"peak{j}", low=0.25 * s.min_rise_us, high=2.0 * end, log=True))

@@ -63,7 +63,8 @@ def test_a_proposal_is_a_pure_function_of_the_history(engine):
     for i in (0, 7, 8, 17, len(history) - 1):
         random.seed(i)
         np.random.seed(i)  # noqa: NPY002 - whatever state a library's global generator is in
-        again = load_engine(engine).propose(problem_of(engine, budget=problem.config.campaign.budget), i, history[:i], ())
+        fresh = problem_of(engine, budget=problem.config.campaign.budget)
+        again = load_engine(engine).propose(fresh, i, history[:i], ())
         assert again.waveform.rows().tobytes() == proposals[i].waveform.rows().tobytes()
         assert again == proposals[i]
 

@@ -1,4 +1,5 @@
-"""Owns the CMA-ES engine: the library `cma`, replayed against the records; restarts from fresh points when it converges."""
+"""Owns the CMA-ES engine: the library `cma`, replayed against the records; restarts from fresh points when it
+converges."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Owns the protocol between a campaign and whoever proposes its waveforms, and the registry of engines.
 
-`propose` is a pure function of (configuration, index, records 0 … index-lag, waveforms in between): no engine keeps state
-between calls, so nothing is replayed on resume and any process gives the same answer (DESIGN §2).
+`propose` is a pure function of (configuration, index, records 0 … index-lag, waveforms in between): no engine keeps
+state between calls, so nothing is replayed on resume and any process gives the same answer (DESIGN §2).
 """
 
 from __future__ import annotations

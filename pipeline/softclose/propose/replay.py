@@ -1,4 +1,5 @@
-"""Owns the replay of sequential methods: a library's routine runs against the records until it asks for what is not there.
+"""Owns the replay of sequential methods: a library's routine runs against the records until it asks for what is not
+there.
 
 Nothing of a routine is kept between proposals; running it again over the recorded answers costs little (DESIGN §2).
 """
@@ -25,7 +26,7 @@ WORST_CM_S = 1e4
 """What a failed candidate counts as: worse than any objective."""
 
 
-class _Wanted(Exception):  # noqa: N818 - it carries a question out of the routine, it reports no error
+class _Wanted(Exception):
     def __init__(self, point: FloatArray) -> None:
         super().__init__()
         self.point = point

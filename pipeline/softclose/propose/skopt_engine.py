@@ -1,9 +1,9 @@
 """Owns the skopt engine: a Gaussian process in a trust region, a pure function of the history. The only skopt import.
 
-Composed from `skopt.learning` and `skopt.acquisition` rather than `skopt.Optimizer`, whose state lives across calls, whose
-`tell` refuses points outside its space, and whose `space_constraint` turns the acquisition search into plain sampling.
-Method: Matérn-5/2 with one length scale per axis plus white noise; expected improvement, alternately in a trust region
-around the incumbent and everywhere; see ADR 030 for what was measured.
+Composed from `skopt.learning` and `skopt.acquisition` rather than `skopt.Optimizer`, whose state lives across calls,
+whose `tell` refuses points outside its space, and whose `space_constraint` turns the acquisition search into plain
+sampling. Method: Matérn-5/2 with one length scale per axis plus white noise; expected improvement, alternately in a
+trust region around the incumbent and everywhere; see ADR 030 for what was measured.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class _Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
     skopt's own contracts K* K⁻¹ K* with an unoptimised einsum: 120 ms for 3,000 points at n = 200, against 10 ms.
     """
 
-    def predict(self, X: Any, return_std: bool = False, **options: Any) -> Any:  # noqa: N803
+    def predict(self, X: Any, return_std: bool = False, **options: Any) -> Any:
         if not return_std or options or len(X) == 1:
             return super().predict(X, return_std=return_std, **options)
         cross = self.kernel_(X, self.X_train_)
@@ -80,7 +80,7 @@ def _propose(problem: Problem, index: int, history: Sequence[Observation], pendi
     data = _collect(problem, search_history(problem, history))
     if len(data.g) < 2:
         return _proposal(problem, initial_point(problem, place), FALLBACK, note="fewer than two usable candidates")
-    region = replay(data.g, data.origins, _rules(problem))
+    region = replay(data.g.tolist(), data.origins, _rules(problem))
     since = index - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
     if region.restarts and (since < settings.n_restart or region.incumbent is None):
         return _proposal(problem, initial_point(problem, since, f"again{region.restarts}"), RESTART)
@@ -108,7 +108,7 @@ def polish(
         return None
     settings = problem.config.finish
     rules = replace(_rules(problem), initial=8.0 * settings.sigma, smallest=1e-4, largest=0.8)
-    region = replay(data.g, [LOCAL if o == POLISH else o for o in data.origins], rules)
+    region = replay(data.g.tolist(), [LOCAL if o == POLISH else o for o in data.origins], rules)
     region = replace(region, incumbent=int(np.argmin(data.g)), begin=0)
     try:
         with warnings.catch_warnings():
@@ -161,7 +161,11 @@ def _collect(problem: Problem, history: Sequence[Observation]) -> _Data:
         indices.append(o.index)
     dim = problem.space.dim
     return _Data(
-        points=np.array(points, dtype=np.float64).reshape(-1, dim), g=np.array(g), se=np.array(se), origins=tuple(origins), indices=np.array(indices, dtype=np.int64)
+        points=np.array(points, dtype=np.float64).reshape(-1, dim),
+        g=np.array(g),
+        se=np.array(se),
+        origins=tuple(origins),
+        indices=np.array(indices, dtype=np.int64)
     )
 
 
@@ -180,7 +184,14 @@ def _warp(g: FloatArray, mode: str) -> tuple[FloatArray, float]:
     return (y - y.mean()) / spread, unit / spread
 
 
-def _fit(points: FloatArray, y: FloatArray, noise: FloatArray, max_iterations: int, centre: FloatArray, n_fit: int) -> _Surrogate:
+def _fit(
+    points: FloatArray,
+    y: FloatArray,
+    noise: FloatArray,
+    max_iterations: int,
+    centre: FloatArray | None = None,
+    n_fit: int = 200,
+) -> _Surrogate:
     """Hyperparameters by maximum likelihood from a fixed start: nothing is carried over from earlier proposals."""
     dim = points.shape[1]
     kernel = ConstantKernel(1.0, (0.05, 50.0)) * Matern(
@@ -201,6 +212,8 @@ def _fit(points: FloatArray, y: FloatArray, noise: FloatArray, max_iterations: i
         )
         return found.x, float(found.fun)
 
+    if centre is None:
+        centre = points[int(np.argmin(y))]
     near = np.argsort(((points - centre) ** 2).sum(axis=1), kind="stable")[:n_fit]
     model = _Surrogate(kernel, alpha=noise[near] + 1e-8, optimizer=optimise, noise="gaussian")
     model.fit(points[near], y[near])
@@ -238,8 +251,11 @@ def _acquire(
     candidates = low + (high - low) * sobol_points(space.dim, settings.n_candidates, rng)
     if not everywhere:
         n_near = len(candidates) * 3 // 4
-        moves = (candidates[:n_near] - centre) * (rng.random((n_near, space.dim)) < np.linspace(0.15, 1.0, n_near)[:, None])
-        candidates[:n_near] = centre + moves * 4.0 ** -rng.integers(0, 3, n_near)[:, None]
+        # Most candidates move some coordinates only, and less far: in ten dimensions hardly a point of a box is near
+        # its centre, and the ridges of g are narrow.
+        moved = rng.random((n_near, space.dim)) < np.linspace(0.15, 1.0, n_near)[:, None]
+        step = 4.0 ** -rng.integers(0, 3, n_near)[:, None]
+        candidates[:n_near] = centre + (candidates[:n_near] - centre) * moved * step
     candidates, fits = space.settle(candidates)
     candidates = candidates[fits]
     if not len(candidates):
@@ -276,7 +292,8 @@ def _acquire(
 def _believe(
     problem: Problem, model: _Surrogate, data: _Data, y: FloatArray, noise: FloatArray, pending: Sequence[Waveform]
 ) -> _Surrogate:
-    """Kriging believer: candidates in flight count as what the surrogate expects of them, with the same hyperparameters."""
+    """Kriging believer: candidates in flight count as what the surrogate expects of them, with the same
+    hyperparameters."""
     points = []
     for waveform in pending:
         try:
