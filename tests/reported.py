@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
+import tempfile
 from pathlib import Path
 
 from finished import make_finished
@@ -10,12 +12,16 @@ from softclose.config import load_config
 from softclose_workflows.drive import create_store
 from softclose_workflows.presets import find_preset
 
+_SCRATCH = tempfile.TemporaryDirectory(prefix="softclose-reported-")
+
 HOSTILE = "<script>alert(1)</script> %{x} & \u2028 {{ 7 * 7 }}"
 """A campaign's name is a stranger's text."""
 
 
-def hostile_store(folder: Path) -> str:
-    """A finished campaign of eight candidates, three of them from the surrogate, with a hostile name."""
+@functools.cache
+def hostile_store() -> str:
+    """A finished campaign of eight candidates, three from the surrogate, with a hostile name. Read it only."""
+    folder = Path(_SCRATCH.name)
     return str(make_finished(folder / "hostile.zarr", "campaign.budget=8", "optimiser.n_initial=5",
                              f"campaign.name={HOSTILE}"))  # fmt: skip
 

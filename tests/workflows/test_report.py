@@ -28,8 +28,8 @@ LARGEST_BYTES = 8_000_000
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return hostile_store(tmp_path_factory.mktemp("report"))
+def store() -> str:
+    return hostile_store()
 
 
 @pytest.fixture(scope="module")
@@ -224,9 +224,9 @@ def test_a_failed_candidate_is_listed_with_its_reason_and_breaks_nothing(data: R
     failed = np.arange(n) == 1
     columns = {name: np.where(failed, np.nan, values) for name, values in data.candidates.columns.items()}
     notes = tuple("worker died three times" if f else "" for f in failed)
-    samples = {i: traces for i, traces in data.samples.items() if i != 1}
+    shares = {i: found for i, found in data.shares.items() if i != 1}
     candidates = dataclasses.replace(data.candidates, failed=failed, columns=columns, note=notes)
-    page = render_report(dataclasses.replace(data, candidates=candidates, samples=samples))
+    page = render_report(dataclasses.replace(data, candidates=candidates, shares=shares))
     assert "worker died three times" in page
     assert 'data-show="1"' not in page
     assert shapes.convergence(dataclasses.replace(data, candidates=candidates)).failed.tolist() == [1.0]

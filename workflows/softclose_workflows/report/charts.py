@@ -84,11 +84,11 @@ def response(data: ReportData) -> Chart:
     }  # fmt: skip
 
 
-def histogram(data: ReportData, edges: FloatArray) -> Chart:
+def histogram(data: ReportData) -> Chart:
     """Histogram of V with v_u and the mean, as Figs. 7, 9, 11, 12. The script fills in the candidate that is shown."""
-    centres = 0.5 * (edges[1:] + edges[:-1])
+    centres = 0.5 * (data.edges_cm_s[1:] + data.edges_cm_s[:-1])
     return {
-        "data": [{"type": "bar", "x": numbers(centres), "y": [], "width": 0.94 * float(edges[1] - edges[0]),
+        "data": [{"type": "bar", "x": numbers(centres), "y": [], "width": 0.94,
                   "marker": {"color": "@best/0.65", "line": {"width": 0}},
                   "hovertemplate": "%{x:.1f} ± 0.5 cm/s: %{y:.2f} % of the switches<extra></extra>"}],
         "layout": layout(axis("Largest contact speed V (cm/s)", rangemode="tozero"), axis("Share of switches (%)"),

@@ -91,8 +91,10 @@ class ReportData:
     """D, G [µm], E [GPa], T [µm], K [N/m], M [µg] of the training ensemble, each (n,)."""
     designs: tuple[Design, ...]
     """On the training switches: the best candidate first (if any), then the designs that it is compared with."""
-    speeds_cm_s: tuple[FloatArray, ...]
-    """V of every candidate's ensemble [cm/s]; empty where the candidate failed."""
+    edges_cm_s: FloatArray
+    """Edges of the histograms of V, the same for every candidate [cm/s]."""
+    shares: dict[int, FloatArray]
+    """Histogram of V of each candidate that a reader may pick, in per cent of its ensemble, by index."""
     samples: dict[int, Traces]
     """A few switches of each candidate that a reader may pick, by index."""
     dependence: Dependence | None

@@ -18,9 +18,10 @@ from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.certify import read_certification, reference_designs
 from softclose_workflows.records import objective_settings, observations
 from softclose_workflows.report.data import DESIGN_NAMES, Candidates, Design, ReportData, Traces
+from softclose_workflows.report.shapes import shares, speed_edges
 
 if TYPE_CHECKING:
-    from softclose_store import Campaign
+    from softclose_store import Campaign, StoredResponses
 
 N_BEST_TRACES = 150
 """Switches of the best candidate whose motion is drawn: more of them only make the picture darker."""
@@ -50,11 +51,9 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
     index = None if best is None else best.candidate
     if certification is not None:
         index = certification.best.candidate
-    chosen = _picks(candidates, index) if picks else []
-    speeds: list[FloatArray] = [np.empty(0)] * len(candidates)
-    for i in chosen:
-        speeds[i] = np.asarray(campaign.responses(i).max_contact_speed) * CM_S
-    parameters = {name: np.asarray(values) for name, values in campaign.population().items()}
+    chosen = _picks(candidates, index) if picks else [] if index is None else [index]
+    edges = speed_edges(float(np.fmax.reduce(candidates.columns["max_cm_s"][chosen], initial=0.0)))
+    shares, samples = _read_picks(campaign, config, chosen, edges)
     return ReportData(
         source=PurePosixPath(str(path).rstrip("/")).name,
         config=config,
@@ -63,10 +62,11 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         n_total=campaign.budget,
         candidates=candidates,
         best=index,
-        parameters=parameters,
+        parameters={name: np.asarray(values) for name, values in campaign.population().items()},
         designs=_designs(campaign, config, index),
-        speeds_cm_s=tuple(speeds),
-        samples=_samples(campaign, config, chosen) if picks else {},
+        edges_cm_s=edges,
+        shares=shares,
+        samples=samples if picks else {},
         dependence=_dependence(config, observations(records)) if learned else None,
         certification=certification,
     )
@@ -113,22 +113,20 @@ def _picks(candidates: Candidates, best: int | None) -> list[int]:
     return sorted({int(i) for i in order} | ({best} if best is not None else set()))
 
 
-def _traces(campaign: Campaign, i: int, n: int, step: int) -> Traces | None:
-    """The first n switches: the ensemble's order is random, so they are a fair sample."""
+def _traces(campaign: Campaign, i: int, responses: StoredResponses, travel_um: FloatArray, step: int) -> Traces | None:
+    """The first switches, as many as travels are given: the ensemble's order is random, so they are a fair sample."""
     if not len(campaign.times_us):
         return None
-    motion, responses = campaign.trajectories(i), campaign.responses(i)
-    n = min(n, len(motion.x))
-    travel = campaign.population()["D"][:n, None]
-    impacts = responses.impact_time_us, responses.impact_speed
-    none = np.empty((n, 0))
+    motion = campaign.trajectories(i)
+    n = min(len(travel_um), len(motion.x))
+    times, speeds = responses.impact_time_us, responses.impact_speed
     return Traces(
         rows=np.arange(n),
         times_us=motion.times_us[::step],
-        distance_um=travel - np.asarray(motion.x[:n, ::step], dtype=np.float64),
+        distance_um=travel_um[:n, None] - np.asarray(motion.x[:n, ::step], dtype=np.float64),
         velocity_cm_s=np.asarray(motion.v[:n, ::step], dtype=np.float64) * CM_S,
-        impact_us=none if impacts[0] is None else impacts[0][:n],
-        impact_cm_s=none if impacts[1] is None else impacts[1][:n] * CM_S,
+        impact_us=np.empty((n, 0)) if times is None else times[:n],
+        impact_cm_s=np.empty((n, 0)) if speeds is None else speeds[:n] * CM_S,
     )
 
 
@@ -136,14 +134,22 @@ def _step(n_times: int, most: int) -> int:
     return max(1, math.ceil((n_times - 1) / most))
 
 
-def _samples(campaign: Campaign, config: CampaignConfig, chosen: list[int]) -> dict[int, Traces]:
-    """Fewer switches and fewer instants of each candidate, so that the page stays small however long the campaign."""
-    if not chosen:
-        return {}
+def _read_picks(
+    campaign: Campaign, config: CampaignConfig, chosen: list[int], edges: FloatArray
+) -> tuple[dict[int, FloatArray], dict[int, Traces]]:
+    """Histogram and sampled motion of each: fewer switches in a longer campaign, so that the page stays small."""
+    shares_of: dict[int, FloatArray] = {}
+    samples: dict[int, Traces] = {}
     step = _step(config.store.n_times, 200)
-    n = int(np.clip(_PICK_SAMPLES / (2.0 * len(chosen) * max(config.store.n_times // step, 1)), 3, 40))
-    traces = {i: _traces(campaign, i, n, step) for i in chosen}
-    return {i: t for i, t in traces.items() if t is not None}
+    n = _PICK_SAMPLES / (2.0 * max(len(chosen), 1) * max(config.store.n_times // step, 1))
+    travel = campaign.population()["D"][: int(np.clip(n, 3, 40))]
+    for i in chosen:
+        responses = campaign.responses(i)
+        shares_of[i] = shares(responses.max_contact_speed * CM_S, edges)
+        traces = _traces(campaign, i, responses, travel, step)
+        if traces is not None:
+            samples[i] = traces
+    return shares_of, samples
 
 
 def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tuple[Design, ...]:
@@ -160,7 +166,8 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
             name="best candidate", waveform=Waveform.from_rows(campaign.waveform(best)),
             speed_cm_s=responses.max_contact_speed * CM_S, closed=responses.closed,
             assessment=assess(responses, **settings),
-            traces=_traces(campaign, best, N_BEST_TRACES, _step(config.store.n_times, 500)),
+            traces=_traces(campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES],
+                           _step(config.store.n_times, 500)),
         )
     ]  # fmt: skip
     switches = campaign.switches()[:n]

@@ -90,9 +90,8 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
     """Every chart that this store has something to show in, by the id of its place on the page."""
     figures: dict[str, charts.Chart] = {}
     if data.best_design is not None:
-        edges = shapes.speed_edges(data)
         figures["response"] = charts.response(data)
-        figures["histogram"] = charts.histogram(data, edges)
+        figures["histogram"] = charts.histogram(data)
         judged = data.judged_designs
         figures["densities"] = charts.densities(judged, [ROLES[d.name] for d in judged], _top_speed(judged))
         for name in "DGET":
@@ -129,10 +128,10 @@ def _picks(data: ReportData) -> dict[int, dict[str, Any]]:
     """What the page can show of each candidate that a reader may pick."""
     if data.best is None:
         return {}
-    edges, horizon = shapes.speed_edges(data), data.config.model.horizon_us
+    horizon = data.config.model.horizon_us
     best = data.designs[0].traces
     picks = {}
-    for i in sorted(set(data.samples) | {data.best}):
+    for i in sorted(data.shares):
         traces = best if i == data.best and best is not None else data.samples.get(i)
         waveform = data.candidates.waveforms[i]
         if waveform is None:
@@ -142,7 +141,7 @@ def _picks(data: ReportData) -> dict[int, dict[str, Any]]:
             "waveform": packed.pack_waveform(waveform, horizon),
             "pulses": labels.pulse_lines([tuple(row) for row in waveform.rows().tolist()]),
             "traces": packed.pack_traces(traces) if traces is not None else None,
-            "shares": charts.numbers(shapes.shares(data.speeds_cm_s[i], edges), 3),
+            "shares": charts.numbers(data.shares[i], 3),
             "v_u": charts.numbers(columns["v_u_cm_s"][i : i + 1], 5)[0],
             "mean": charts.numbers(columns["mean_cm_s"][i : i + 1], 5)[0],
             "origin": data.candidates.origin[i],

@@ -16,11 +16,9 @@ SPEED_STEP_CM_S = 0.25
 """Step of the axis of densities [cm/s]."""
 
 
-def speed_edges(data: ReportData) -> FloatArray:
-    """Edges of the histograms of V, the same for every candidate and design: whole cm/s from 0 [cm/s]."""
-    tops = [float(np.nanmax(v)) for v in (*data.speeds_cm_s, *(d.speed_cm_s for d in data.designs))
-            if v.size and np.isfinite(v).any()]  # fmt: skip
-    return np.arange(0.0, math.ceil(max(tops, default=1.0)) + 1.5)
+def speed_edges(largest_cm_s: float) -> FloatArray:
+    """Edges of histograms of V up to the largest: whole cm/s from 0 [cm/s]."""
+    return np.arange(0.0, math.ceil(largest_cm_s if math.isfinite(largest_cm_s) else 1.0) + 1.5)
 
 
 def shares(speed_cm_s: FloatArray, edges: FloatArray) -> FloatArray:
