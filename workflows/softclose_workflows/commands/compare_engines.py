@@ -1,0 +1,50 @@
+"""Owns `softclose compare-engines`."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+
+@click.command(
+    "compare-engines",
+    epilog="\b\nExamples:\n  softclose compare-engines current --engines skopt,sobol --seeds 11,12,13\n"
+    "  softclose compare-engines current-three --engines skopt,cmaes --figure engines.svg --json",
+)
+@click.argument("source", metavar="PRESET|FILE")
+@click.option("--engines", required=True, metavar="NAME,NAME", help="Engines to compare.")
+@click.option("--seeds", default="1,2,3", show_default=True, metavar="N,N", help="Seeds of ensemble and engine.")
+@click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting; repeatable.")
+@click.option(
+    "--switches",
+    type=click.IntRange(min=0),
+    default=20_000,
+    show_default=True,
+    help="Fresh switches on which each best waveform is certified; 0: none.",
+)
+@click.option("--figure", metavar="FILE", help="Best g against evaluations and against time (svg, png or pdf).")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+def compare_engines(source: str, engines: str, seeds: str, overrides: tuple[str, ...], switches: int,
+                    figure: str | None, as_json: bool) -> None:  # fmt: skip
+    """Run several engines on one problem from several seeds, in this process, without stores."""
+    from softclose.config import ConfigError, load_config
+    from softclose.propose.protocol import check_engine_name
+    from softclose_workflows.certified_tables import finite
+    from softclose_workflows.engine_comparison import compare, draw, print_comparison, to_json
+    from softclose_workflows.presets import find_preset
+
+    names = [name.strip() for name in engines.split(",") if name.strip()]
+    for name in names:
+        check_engine_name(name)
+    try:
+        numbers = [int(seed) for seed in seeds.split(",")]
+    except ValueError as e:
+        raise ConfigError(f"--seeds {seeds!r} is not of the form 1,2,3") from e
+    results = compare(load_config(find_preset(source), overrides), names, numbers, switches, quiet=as_json)
+    if figure:
+        draw(results, figure)
+    if as_json:
+        click.echo(json.dumps(finite(to_json(results)), indent=2, allow_nan=False))
+    else:
+        print_comparison(results)

@@ -1,0 +1,55 @@
+"""Owns `softclose pareto`."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+
+@click.command(epilog="\b\nExamples:\n  softclose pareto runs/a.zarr\n  softclose pareto runs/a.zarr --json")
+@click.argument("store", metavar="STORE")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+def pareto(store: str, as_json: bool) -> None:
+    """The candidates of STORE that no other beats in both v_u and p_nc.
+
+    Of those evaluated on the most switches only: smaller ensembles flatter, and do not compare.
+    """
+    import numpy as np
+    from softclose.pareto import pareto_front
+
+    from softclose_store import open_campaign
+    from softclose_workflows.certified_tables import finite, wide_console
+    from softclose_workflows.certify import CertifyError
+    from softclose_workflows.standing import waveform_to_json
+    from softclose_workflows.tables import describe_waveform, metrics_row
+
+    campaign = open_campaign(store)
+    table = campaign.records()
+    usable = ~table["failed"] & np.isfinite(table["v_u_cm_s"])
+    if not usable.any():
+        raise CertifyError(f"{store} has no usable candidate yet: let the campaign run first")
+    n = int(table["n_switches"][usable].max())
+    usable &= table["n_switches"] == n
+    v_u = np.where(usable, table["v_u_cm_s"], np.nan)
+    front = [int(i) for i in pareto_front(v_u, table["p_nc"])]
+    records = [{name: column[i] for name, column in table.items()} for i in front]
+    waveforms = [waveform_to_json(campaign.waveform(i)) for i in front]
+    if as_json:
+        rows = [
+            {"candidate": i, "v_u_cm_s": float(r["v_u_cm_s"]), "p_nc": float(r["p_nc"]),
+             "mean_cm_s": float(r["mean_cm_s"]), "g_cm_s": float(r["g_cm_s"]), "waveform": w}
+            for i, r, w in zip(front, records, waveforms, strict=True)
+        ]  # fmt: skip
+        click.echo(json.dumps(finite({"store": store, "n_switches": n, "front": rows}), indent=2, allow_nan=False))
+        return
+    from rich.table import Table
+
+    shown = Table(title=f"{store}: v_u against p_nc, {n:,} switches", title_justify="left", show_lines=True)
+    shown.add_column("candidate", justify="right")
+    shown.add_column("waveform")
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]"):
+        shown.add_column(column, justify="right", no_wrap=True)
+    for i, record, waveform in zip(front, records, waveforms, strict=True):
+        shown.add_row(str(i), describe_waveform(waveform), *metrics_row(record))
+    wide_console().print(shown)
