@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,16 +30,15 @@ def test_every_published_figure_has_a_case() -> None:
     printed = {(40.7, 34.1), (42.6, 24.7), (19.7, 15.3), (18.8, 14.0), (12.5, 10.7), (12.8, 9.6)}
     assert {(c.published.v_u_cm_s, c.published.mean_cm_s) for c in CASES if c.published} == printed
     assert set(presets()) <= set(preset_names())
-    for what in ("current", "modified", "process-improved"):
-        assert {what, f"{what}-three", f"{what}-paper"} <= set(presets())
+    for what, two in (("current", "current-two"), ("modified", "modified"), ("process-improved", "process-improved")):
+        assert {two, f"{what}-three", f"{what}-paper"} <= set(presets())
 
 
 def test_presets_are_what_their_names_say() -> None:
     for member in members():
         config = member.config
-        assert config.population.name == member.name.removesuffix("-three").removesuffix("-paper").removesuffix(
-            "-direct"
-        )
+        design = member.name if member.name == "paper-text" else re.sub("-(two|three|paper|direct)$", "", member.name)
+        assert config.population.name == design
         assert config.waveform.space.startswith("three" if member.name.endswith(("-three", "-direct")) else "two")
         assert config.waveform.max_volts == 150.0
         if member.name.endswith(("-paper", "-direct")):

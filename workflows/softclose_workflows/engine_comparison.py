@@ -12,8 +12,8 @@ from typing import Any
 
 import click
 import numpy as np
-from softclose.compare import EngineRun, compare_engines, with_seed
 
+from softclose.compare import EngineRun, compare_engines, with_seed
 from softclose.config import CampaignConfig, ConfigError
 from softclose_workflows.certified_tables import waveform_rows_of, wide_console
 from softclose_workflows.certify import assess_fresh, simulate_fresh

@@ -50,11 +50,11 @@ class Case:
 
 
 CASES = (
-    Case(title="unshaped 100 V", how="ideal step", preset="current", design="unshaped", published=UNSHAPED),
-    Case(title="deterministic design", how="solved for the mean switch", preset="current", design="deterministic",
+    Case(title="unshaped 100 V", how="ideal step", preset="current-two", design="unshaped", published=UNSHAPED),
+    Case(title="deterministic design", how="solved for the mean switch", preset="current-two", design="deterministic",
          published=DETERMINISTIC, figure="6, 7"),
     Case(title="current design, 2 pulses", how="published procedure", preset="current-paper", published=CURRENT),
-    Case(title="current design, 2 pulses", how="softclose", preset="current", published=CURRENT, figure="8, 9"),
+    Case(title="current design, 2 pulses", how="softclose", preset="current-two", published=CURRENT, figure="8, 9"),
     Case(title="current design, 3 pulses", how="DIRECT, 350 evaluations", preset="current-direct", published=THREE),
     Case(title="current design, 3 pulses", how="softclose", preset="current-three", published=THREE),
     Case(title="modified design, 2 pulses", how="published procedure", preset="modified-paper", published=MODIFIED),

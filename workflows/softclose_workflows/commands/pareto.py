@@ -16,8 +16,8 @@ def pareto(store: str, as_json: bool) -> None:
     Of those evaluated on the most switches only: smaller ensembles flatter, and do not compare.
     """
     import numpy as np
-    from softclose.pareto import pareto_front
 
+    from softclose.pareto import pareto_front
     from softclose_store import open_campaign
     from softclose_workflows.certified_tables import finite, wide_console
     from softclose_workflows.certify import CertifyError
