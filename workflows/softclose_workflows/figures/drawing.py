@@ -205,7 +205,7 @@ def dependence(data: ReportData) -> Figure | None:
         axes.fill_between(
             d.grid[i], middle - 2.0 * sd, middle + 2.0 * sd, color=COLOURS["best"], alpha=0.18, linewidth=0
         )
-        axes.plot(d.grid[i], middle, color=COLOURS["best"], label="through the best, ±2 sd")
+        axes.plot(d.grid[i], middle, color=COLOURS["best"], label="through the smallest g, ±2 sd")
         axes.plot(d.grid[i], d.mean_cm_s[i], "--", color=COLOURS["deterministic"], label="average over candidates")
         axes.axvline(d.incumbent[i], color=COLOURS["muted"], linestyle=":", linewidth=0.9)
         axes.set(xlabel=_capital(labels.coordinate_label(d.names[i])), ylim=(low, high))
