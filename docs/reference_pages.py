@@ -70,7 +70,8 @@ def _command(command: click.Command, path: tuple[str, ...], lines: list[str]) ->
         paragraphs(command.help),
         "",
     ]
-    rows = [row for p in command.get_params(context) if (row := p.get_help_record(context)) is not None]
+    records = [p.get_help_record(context) for p in command.get_params(context) if isinstance(p, click.Option)]
+    rows = [row for row in records if row is not None]
     if rows:
         lines += ["| option | meaning |", "| --- | --- |"]
         lines += [f"| `{option.replace('|', chr(92) + '|')}` | {cell(meaning)} |" for option, meaning in rows] + [""]
