@@ -7,8 +7,6 @@ HERE = Path(__file__).parent
 for folder in ("pipeline", "store", "workflows", "docs"):
     sys.path.insert(0, str(HERE.parent / folder))
 
-from pygments.lexers.special import TextLexer
-
 from mathml import add_mathml  # noqa: E402 - after the path
 from reference_pages import write_reference  # noqa: E402
 
@@ -37,5 +35,7 @@ pygments_dark_style = "monokai"
 
 def setup(app):
     """Equations as MathML: no network and no script when a page is read."""
+    from pygments.lexers.special import TextLexer
+
     add_mathml(app)
     app.add_lexer("csv", TextLexer)
