@@ -15,8 +15,6 @@ ORDER = 16
 TERMS = 12
 """Terms of the flight-time series."""
 
-INLINE = {"flight_constant", "evaluate"}
-"""Forced into their callers, where the tuple then stays in registers: 6 % on a step (the others gain nothing)."""
 
 HEADER = '''"""Owns the fast kernel's power series as straight-line code. Written by scripts/generate_series.py.
 
@@ -37,6 +35,8 @@ from numba import njit
 ORDER = 16
 TERMS = 12
 # Sums may be reordered by the compiler, once for all: each switch runs this same scalar code wherever it stands.
+# Reordered sums need one copy of the code: everything is inlined into the entry point (`forceinline`). Where a function
+# was compiled by itself too, the process that compiled ran another copy than those that loaded the cache: other bits.
 _FAST = {{"contract", "reassoc", "nsz"}}
 '''
 
@@ -52,8 +52,7 @@ def statement(target: str, terms: list[str], head: str = "") -> str:
 
 
 def function(name: str, arguments: str, doc: str, lines: list[str]) -> str:
-    option = ", forceinline=True" if name in INLINE else ""
-    head = f'@njit(error_model="numpy", fastmath=_FAST{option})\n'
+    head = '@njit(error_model="numpy", fastmath=_FAST, forceinline=True)\n'
     head += f"def {name}({arguments}):  # type: ignore[no-untyped-def]\n"
     return "\n\n" + head + f'    """{doc}"""\n' + "\n".join(lines) + "\n"
 

@@ -13,7 +13,7 @@ UNDECIDED = -2.0
 _MAX_MARCH = 60
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def first_contact(x, h, depth, launched, v_end, bend, near):  # type: ignore[no-untyped-def]
     """First root in (0, h] of f = travel - x(tau), coming from below: (tau, speed) or (NONE, 0).
 
@@ -45,7 +45,7 @@ def first_contact(x, h, depth, launched, v_end, bend, near):  # type: ignore[no-
     return UNDECIDED, tau
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _after_release(x, h, v_end):  # type: ignore[no-untyped-def]
     """A switch released at rest moves like t³: no bound finds its scale. Look for a return by bisection instead."""
     if v_end <= 0.0 or descent(x, h)[0] > 0.0:

@@ -10,7 +10,7 @@ _NUDGE_US = 1e-9
 """Smallest advance of the search. Also ensures that a released switch starts with a net force away from the contact."""
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def release_time(pieces, n_ramps, ramps, i, t, hold_voltage):  # type: ignore[no-untyped-def]
     """First instant at or after t on piece i at which u < hold_voltage [µs]; inf if there is none on this piece.
 

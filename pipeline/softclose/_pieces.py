@@ -53,7 +53,7 @@ def flatten(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, IntArray
     return pieces, n_ramps, ramps
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def voltage(pieces, n_ramps, ramps, i, t):  # type: ignore[no-untyped-def]
     """u(t) [V] on piece i."""
     u = pieces[i, 2]

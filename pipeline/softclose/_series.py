@@ -17,6 +17,8 @@ from numba import njit
 ORDER = 16
 TERMS = 12
 # Sums may be reordered by the compiler, once for all: each switch runs this same scalar code wherever it stands.
+# Reordered sums need one copy of the code: everything is inlined into the entry point (`forceinline`). Where a function
+# was compiled by itself too, the process that compiled ran another copy than those that loaded the cache: other bits.
 _FAST = {"contract", "reassoc", "nsz"}
 
 
@@ -127,7 +129,7 @@ def flight_constant(x0, x1, u, gap, c, k):  # type: ignore[no-untyped-def]
     return x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def flight_driven(x0, x1, u, gap, c, k):  # type: ignore[no-untyped-def]
     """Coefficients 0..ORDER of x where u has the coefficients u[0..ORDER-2]."""
     u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10, u11, u12, u13, u14 = u
@@ -251,13 +253,13 @@ def flight_driven(x0, x1, u, gap, c, k):  # type: ignore[no-untyped-def]
     return x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def constant(u):  # type: ignore[no-untyped-def]
     """Coefficients of a constant voltage."""
     return u, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def drive(u, cosine, sine, omega):  # type: ignore[no-untyped-def]
     """Coefficients u plus those of a ramp a cos(omega t + angle); a cos(angle) = cosine, a sin(angle) = sine."""
     u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10, u11, u12, u13, u14 = u
@@ -334,7 +336,7 @@ def evaluate(x, h):  # type: ignore[no-untyped-def]
     return x_even + h * x_odd, v_even + h * v_odd
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def bend(x, h):  # type: ignore[no-untyped-def]
     """Bound on |x''| over [0, h]."""
     _x0, _x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
@@ -357,7 +359,7 @@ def bend(x, h):  # type: ignore[no-untyped-def]
     return even + h * odd
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def descent(x, h):  # type: ignore[no-untyped-def]
     """(x(0) - x(h)) / h, free of cancellation however small h is, and the velocity at h."""
     _x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
@@ -397,7 +399,7 @@ def descent(x, h):  # type: ignore[no-untyped-def]
     return -(y_even + h * y_odd), v_even + h * v_odd
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def sample(x, t, times, first, stop, i, x_out, v_out):  # type: ignore[no-untyped-def]
     """x and v of the polynomial that starts at t, at times[first:stop], into row i."""
     x0, x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11, x12, x13, x14, x15, x16 = x
@@ -456,7 +458,7 @@ def sample(x, t, times, first, stop, i, x_out, v_out):  # type: ignore[no-untype
         v_out[i, j] = y
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def flight_time(travel, gap, pull, k):  # type: ignore[no-untyped-def]
     """Coefficients m = 0.. of w^(2m+1) in the flight time after a rebound at speed w; constant pull = c u² closes."""
     p0 = 1.0 / (gap - travel)
@@ -537,7 +539,7 @@ def flight_time(travel, gap, pull, k):  # type: ignore[no-untyped-def]
     return f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11
 
 
-@njit(error_model="numpy", fastmath=_FAST)
+@njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def bounce_duration(f, w):  # type: ignore[no-untyped-def]
     """Flight time [µs] after a rebound at speed w."""
     f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11 = f

@@ -43,13 +43,13 @@ _UNCOUNTED: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") 
 _ONE_BITS = int(np.float64(1.0).view(np.int64))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _bits(a):  # type: ignore[no-untyped-def]
     """The bits of a >= 0 as an integer: log2(a) in fixed point, to 0.09."""
     return np.float64(a).view(np.int64)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _radius(tolerance, a, n, b, m):  # type: ignore[no-untyped-def]
     """The h at which a h^n and b h^m are at most the tolerance, to a few per cent.
 
@@ -61,7 +61,7 @@ def _radius(tolerance, a, n, b, m):  # type: ignore[no-untyped-def]
     return 0.94 * np.int64(exponent + _ONE_BITS).view(np.float64)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _step_size(x, tolerance):  # type: ignore[no-untyped-def]
     """Step at which the last two terms of v are at most the tolerance [µs].
 
@@ -116,7 +116,7 @@ def _sample_until(series, t, until, times, first, row, x64, v64, x32, v32):  # t
     return stop
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _symmetric_flight(w, longest, travel, gap, c, k, u, tolerance, near, max_steps):  # type: ignore[no-untyped-def]
     """Flight time [µs] after a rebound at speed w under constant u, inf if above `longest`; and the steps taken.
 

@@ -69,3 +69,31 @@ def test_plain_python_gives_the_same_answers_as_compiled_code():
         answers.append(run.stdout)
     assert answers[0] == answers[1]
     assert answers[0].count("\n") == 14
+
+
+BITS = """
+import hashlib, math
+import numpy as np
+from softclose import Pulse, Waveform, load_population, simulate
+switches = load_population("current").sample(200, seed=5)
+digest = hashlib.sha256()
+rng = np.random.default_rng(0)
+for _ in range(10):
+    first = Pulse(0, rng.uniform(4, 20), rng.uniform(0, 30), rng.uniform(20, 100))
+    second = Pulse(rng.uniform(40, 90), rng.uniform(4, 60), math.inf, rng.uniform(20, 100))
+    r = simulate(switches, Waveform([first, second]), max_volts=300)
+    for values in (r.max_contact_speed, r.settling_us, r.final_x, r.final_v):
+        digest.update(values.tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_the_process_that_compiles_computes_the_same_bits_as_those_that_load_the_cache(tmp_path: Path):
+    # On a fresh install each worker compiles or loads, as it happens: the store may not depend on which.
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT / "pipeline")}
+    runs = [
+        subprocess.run([sys.executable, "-c", BITS], env=env, capture_output=True, text=True, timeout=200, check=True)
+        for _ in range(2)
+    ]
+    assert any(tmp_path.rglob("*.nbc"))
+    assert runs[0].stdout == runs[1].stdout
