@@ -24,7 +24,6 @@ import zarr
 sys.path.insert(0, str(Path(__file__).parent / "workflows"))
 
 from campaigns import command, run_arguments, softclose
-
 from stores import arrays_of, differences
 
 POINTS = (

@@ -8,7 +8,7 @@ import json
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -194,7 +194,7 @@ class ComputeSection:
     """How the work is cut up. Chunk boundaries are part of the result's identity."""
 
     chunk_switches: Annotated[int, Field(ge=0, strict=True)] = 0
-    """Switches per chunk (one Dask task); 0 chooses: at least 1,000, at most 64 chunks a candidate."""
+    """Switches per chunk (one Dask task); 0 chooses: at least 2,048, at most 64 chunks a candidate."""
     rtol: Annotated[float, Field(ge=1e-13, le=1e-3)] = 1e-9
     """Relative tolerance of the integrator."""
     method: Literal["taylor", "rk"] = "taylor"
@@ -219,7 +219,7 @@ MAX_CHUNKS = 256
 AUTO_CHUNKS = 64
 """Chunks of one candidate at most where compute.chunk_switches is 0."""
 
-MIN_CHUNK_SWITCHES = 1000
+MIN_CHUNK_SWITCHES = 2048
 """Switches per chunk at least where compute.chunk_switches is 0: a task should outweigh Dask's millisecond."""
 
 
@@ -256,14 +256,14 @@ class CampaignConfig:
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
                 f"{self.campaign.budget}: raise the budget or shorten the list"
             )
-        for section, n in (("population", self.population.n_switches), ("finish", self.finish.n_switches)):
-            chunk = self.compute.chunk_switches
-            if chunk and math.ceil(n / chunk) > MAX_CHUNKS:
-                raise ValueError(
-                    f"compute.chunk_switches {chunk} cuts {section}.n_switches {n} into {math.ceil(n / chunk)} chunks; "
-                    f"at most {MAX_CHUNKS} are allowed, so that the number of files stays bounded: "
-                    f"use {math.ceil(n / MAX_CHUNKS)} or more, or 0"
-                )
+        self._choose_chunks()
+        n, chunk = self.n_switches_max, self.compute.chunk_switches
+        if math.ceil(n / chunk) > MAX_CHUNKS:
+            raise ValueError(
+                f"compute.chunk_switches {chunk} cuts an ensemble of {n} switches into {math.ceil(n / chunk)} chunks; "
+                f"at most {MAX_CHUNKS} are allowed, so that the number of files stays bounded: "
+                f"use {math.ceil(n / MAX_CHUNKS)} or more, or 0"
+            )
         return self
 
     @property
@@ -278,10 +278,15 @@ class CampaignConfig:
 
     @property
     def chunk_switches(self) -> int:
-        """Switches per chunk; `compute.chunk_switches` or the automatic choice."""
-        if self.compute.chunk_switches:
-            return min(self.compute.chunk_switches, self.n_switches_max)
-        return min(self.n_switches_max, max(MIN_CHUNK_SWITCHES, math.ceil(self.n_switches_max / AUTO_CHUNKS)))
+        """Switches per chunk."""
+        return self.compute.chunk_switches
+
+    def _choose_chunks(self) -> None:
+        """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""
+        n, chosen = self.n_switches_max, self.compute.chunk_switches
+        if not chosen:
+            chosen = max(MIN_CHUNK_SWITCHES, math.ceil(n / AUTO_CHUNKS))
+        object.__setattr__(self, "compute", replace(self.compute, chunk_switches=min(n, chosen)))
 
     def build_population(self) -> Population:
         """The population, from its stored description."""

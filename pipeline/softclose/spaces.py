@@ -339,9 +339,7 @@ def build_space(name: str, scales: Scales) -> Space:
     if name == "two-pulse-paper":
         fixed = (("rise1", s.min_rise_us), ("volts1", s.max_volts))
         axes = [a for a in axes if a.name not in dict(fixed)]
-    return Space(
-        name=name, n_pulses=n_pulses, holds=holds, scales=s, coordinates=tuple(axes), fixed=fixed
-    )
+    return Space(name=name, n_pulses=n_pulses, holds=holds, scales=s, coordinates=tuple(axes), fixed=fixed)
 
 
 SPACES: dict[str, tuple[int, bool]] = {

@@ -329,4 +329,3 @@ def _flat(data: Any, prefix: str = "") -> dict[str, str]:
     if isinstance(data, Mapping) and data:
         return {k: v for key, value in data.items() for k, v in _flat(value, f"{prefix}{key}.").items()}
     return {prefix.rstrip("."): json.dumps(data, sort_keys=True)}
-

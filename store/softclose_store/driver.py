@@ -247,10 +247,9 @@ class DriverStore:
         """Compare all committed records with their digests, and the data of the last candidates with its markers."""
         table, n = self._table, self.n_committed
         for i in range(n):
-            if (
-                table.columns["proposal_digest"][i] != table.proposal_digest(i)
-                or table.columns["record_digest"][i] != table.record_digest(i)
-            ):
+            if table.columns["proposal_digest"][i] != table.proposal_digest(i) or table.columns["record_digest"][
+                i
+            ] != table.record_digest(i):
                 raise DamageError(
                     f"the record of candidate {i} in {self.path} is damaged: run `softclose verify --repair`"
                 )

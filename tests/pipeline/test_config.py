@@ -89,6 +89,13 @@ def test_chunks_stay_bounded_whatever_the_ensemble() -> None:
         assert -(-n // config.chunk_switches) <= 64
 
 
+def test_the_automatic_chunk_size_is_written_out() -> None:
+    """A store must not depend on what a later version would choose."""
+    assert load_config({}, ["population.n_switches=500"]).to_dict()["compute"]["chunk_switches"] == 500
+    assert load_config({}, ["population.n_switches=500000"]).to_dict()["compute"]["chunk_switches"] == 7813
+    assert load_config({}, ["compute.chunk_switches=100"]).to_dict()["compute"]["chunk_switches"] == 100
+
+
 def test_every_section_documents_its_keys() -> None:
     assert set(known_keys()) == {
         "campaign", "population", "model", "waveform", "objective", "optimiser", "finish", "compute", "store",

@@ -1,6 +1,6 @@
 """Makes tests/store/golden/version-1.zip, a store as schema version 1 writes it. Run once per schema version.
 
-    PYTHONPATH=store:tests python tests/store/make_golden.py
+PYTHONPATH=store:tests python tests/store/make_golden.py
 """
 
 import tempfile

@@ -56,6 +56,4 @@ class BotorchEngine:
             )
             bounds = torch.tensor([[0.0] * space.dim, [1.0] * space.dim], dtype=torch.float64)
             point, _ = optimize_acqf(acquisition, bounds, q=1, num_restarts=8, raw_samples=256)
-        return Proposal(
-            waveform=space.waveform(point[0].numpy()), origin="botorch", n_switches=n_switches
-        )
+        return Proposal(waveform=space.waveform(point[0].numpy()), origin="botorch", n_switches=n_switches)

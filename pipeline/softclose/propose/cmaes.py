@@ -41,6 +41,4 @@ class CmaesEngine:
                     break
         if point is None:
             origin, point = "sobol", initial_point(problem, index)
-        return Proposal(
-            waveform=space.waveform(point), origin=origin, n_switches=problem.config.population.n_switches
-        )
+        return Proposal(waveform=space.waveform(point), origin=origin, n_switches=problem.config.population.n_switches)

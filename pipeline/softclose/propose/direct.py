@@ -30,6 +30,4 @@ class DirectEngine:
         origin = "direct"
         if point is None or any(space.waveform(point) == w for w in pending):
             origin, point = "sobol", initial_point(problem, index)
-        return Proposal(
-            waveform=space.waveform(point), origin=origin, n_switches=problem.config.population.n_switches
-        )
+        return Proposal(waveform=space.waveform(point), origin=origin, n_switches=problem.config.population.n_switches)

@@ -165,7 +165,7 @@ def _collect(problem: Problem, history: Sequence[Observation]) -> _Data:
         g=np.array(g),
         se=np.array(se),
         origins=tuple(origins),
-        indices=np.array(indices, dtype=np.int64)
+        indices=np.array(indices, dtype=np.int64),
     )
 
 
