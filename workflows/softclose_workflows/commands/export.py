@@ -17,7 +17,9 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 def candidate_option(command: Command) -> Command:
     """--candidate."""
-    return click.option("--candidate", type=int, metavar="N", help="Which candidate [the best].")(command)
+    return click.option(
+        "--candidate", type=int, metavar="N", help="Which candidate [the best certified one, or else the best]."
+    )(command)
 
 
 def output_option(command: Command) -> Command:
@@ -188,16 +190,10 @@ def history(store: str, /, form: str, output: Path | None) -> None:
 
 
 def _candidate(campaign: Campaign, i: int | None) -> int:
-    """The candidate asked for, or the best."""
-    from softclose_workflows.exports.files import ExportError
+    """The candidate asked for, or the best certified one, or the best."""
+    from softclose_workflows.chosen import choose
 
-    if i is not None:
-        campaign.waveform(i)  # raises StoreError where it is not committed
-        return i
-    best = campaign.best()
-    if best is None:
-        raise ExportError(f"{campaign.path} has no usable candidate yet; name one (--candidate), or wait for the first")
-    return best.candidate
+    return choose(campaign.path, i).candidate
 
 
 def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
