@@ -143,6 +143,8 @@ class OptimiserSection:
     """Space-filling candidates before the surrogate proposes."""
     n_restart: Annotated[int, Field(ge=2, strict=True)] = 15
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
+    fresh_every: Count = 2
+    """Every so many restarts begin elsewhere; the others open the trust region again around the best candidate."""
     n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
     """Points at which the acquisition is screened."""
     n_polish: Annotated[int, Field(ge=0, strict=True)] = 3
@@ -165,7 +167,7 @@ class OptimiserSection:
     """Largest width."""
     success_tolerance: Count = 3
     """Successes in a row that double the trust region."""
-    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 6
+    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 5
     """Failures in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""

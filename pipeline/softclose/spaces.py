@@ -317,7 +317,8 @@ def build_space(name: str, scales: Scales) -> Space:
     for j in range(1, n_pulses + 1):
         last = j == n_pulses
         if j > 1:
-            axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.25))
+            # A hold catches the plate as it arrives; one that comes a period later catches what has come back.
+            axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.25, dense="low" if last else "evenly"))
         if not last:
             axes.append(Coordinate(name=f"impulse{j}", low=0.05, high=1.25))
         # Short and strong pulses disperse the ensemble least (paper §3.2); a hold needs little more than what holds.

@@ -82,7 +82,7 @@ def _propose(problem: Problem, index: int, history: Sequence[Observation], pendi
         return _proposal(problem, initial_point(problem, place), FALLBACK, note="fewer than two usable candidates")
     region = replay(data.g.tolist(), data.origins, _rules(problem))
     since = index - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
-    if region.restarts and (since < settings.n_restart or region.incumbent is None):
+    if region.begin and (since < settings.n_restart or region.incumbent is None):
         return _proposal(problem, initial_point(problem, since, f"again{region.restarts}"), RESTART)
     everywhere = settings.global_every > 0 and (place - settings.n_initial) % settings.global_every == (
         settings.global_every - 1
@@ -138,6 +138,7 @@ def _rules(problem: Problem) -> TrustRegionRules:
         largest=s.length_max,
         successes=s.success_tolerance,
         failures=s.failure_tolerance or problem.space.dim,
+        fresh_every=s.fresh_every,
         improvement_cm_s=s.improvement_cm_s,
     )
 

@@ -29,6 +29,8 @@ class TrustRegionRules:
     """Successes in a row before the box doubles."""
     failures: int
     """Failures in a row before it halves."""
+    fresh_every: int = 1
+    """Every so many restarts begin elsewhere; the others open the box again around the best record of all."""
     improvement_cm_s: float
     """Least decrease of g that counts as a success."""
 
@@ -72,5 +74,9 @@ def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules) 
         if length < rules.smallest:
             length, successes, failures = rules.initial, 0, 0
             restarts += 1
-            begin, best, incumbent = i + 1, np.inf, None
+            finite = [(v, j) for j, v in enumerate(g[: i + 1]) if np.isfinite(v)]
+            if restarts % rules.fresh_every == 0 or not finite:
+                begin, best, incumbent = i + 1, np.inf, None
+            else:
+                best, incumbent = min(finite)
     return TrustRegion(length=length, incumbent=incumbent, begin=begin, restarts=restarts)
