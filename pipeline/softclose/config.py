@@ -143,7 +143,7 @@ class OptimiserSection:
     """Space-filling candidates before the surrogate proposes."""
     n_restart: Annotated[int, Field(ge=2, strict=True)] = 15
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
-    fresh_every: Count = 2
+    fresh_every: Count = 1
     """Every so many restarts begin elsewhere; the others open the trust region again around the best candidate."""
     n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
     """Points at which the acquisition is screened."""

@@ -176,3 +176,14 @@ def test_the_trust_region_stays_in_the_cube_and_stretches_along_long_axes():
     assert (low >= 0.0).all()
     assert (high <= 1.0).all()
     assert high[1] - low[1] > high[0] - low[0]
+
+
+def test_restarts_may_alternate_between_fresh_points_and_the_best_record():
+    rules = TrustRegionRules(
+        initial=0.8, smallest=0.15, largest=1.6, successes=2, failures=3, improvement_cm_s=0.01, fresh_every=2
+    )
+    origins, g = [DESIGN] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
+    around = replay(g, origins, rules)
+    assert (around.restarts, around.begin, around.incumbent, around.length) == (1, 0, 1, 0.8)
+    fresh = replay(g + [32.0] * 9, origins + [LOCAL] * 9, rules)
+    assert (fresh.restarts, fresh.begin, fresh.incumbent) == (2, 20, None)
