@@ -107,7 +107,7 @@ def run_shell(block: Block, launchers: Path, folder: Path) -> None:
     """Run a block in bash, or line by line in this process where no line needs a shell."""
     simple = not set("|<>&;$") & set(block.text)
     lines = []
-    for line in block.text.splitlines():
+    for line in block.text.replace("\\\n", " ").splitlines():
         if line.startswith("make "):  # CI runs these itself; here each has to be a target
             target = line.split()[1]
             assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE), f"{block.where}: {line}"

@@ -91,7 +91,7 @@ def drive(
             store = stack.enter_context(DriverStore(path, break_lock=break_lock))
             for change in changes_since(open_campaign(path).runtime):
                 click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)
-            store.note_run(runtime())
+            store.note_run(runtime() | {"workers": executor.n_workers})
             if executor.dashboard and not quiet:
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
             listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
