@@ -56,7 +56,7 @@ for column, (title, waveform, colour) in zip(axes.T, designs, strict=True):
     at_left = result.v_u_cm_s > 30.0  # beside the histogram, not across the line
     column[2].text(
         0.02 if at_left else 0.98, 0.95,
-        f"nine in ten below {result.v_u_cm_s:.1f} cm/s\nmean {result.mean_cm_s:.1f} cm/s\n"
+        f"nine in ten contacts below {result.v_u_cm_s:.1f} cm/s\nmean {result.mean_cm_s:.1f} cm/s\n"
         f"not closed at 250 µs: {result.p_nc:.1%}",
         transform=column[2].transAxes, ha="left" if at_left else "right", va="top",
     )  # fmt: skip
