@@ -154,7 +154,7 @@ def to_text(rows: Sequence[Row]) -> str:
     from rich.console import Console
 
     out = StringIO()
-    console = Console(file=out, width=176, highlight=False, color_system=None)
+    console = Console(file=out, width=240, highlight=False, color_system=None)
     _print(console, rows)
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
 
@@ -164,7 +164,7 @@ def print_reproduction(rows: Sequence[Row]) -> None:
     from rich.console import Console
 
     console = Console(highlight=False)
-    _print(console if console.is_terminal else Console(width=176, highlight=False), rows)
+    _print(console if console.is_terminal else Console(width=240, highlight=False), rows)
 
 
 def _print(console: Any, rows: Sequence[Row]) -> None:
@@ -175,8 +175,8 @@ def _print(console: Any, rows: Sequence[Row]) -> None:
         title=f"Published figures (N = {N_PUBLISHED}) beside ours, certified on {n:,} fresh switches [cm/s]",
         title_justify="left",
     )
-    table.add_column("case")
-    table.add_column("found by")
+    table.add_column("case", no_wrap=True)
+    table.add_column("found by", no_wrap=True)
     for column in (
         "v_u\npublished", "v_u, ours\n(95 % interval)", "v_u at N = 200,\n95 % of ensembles", "mean V\npublished",
         "mean V, ours\n(95 % interval)", f"P(V > {LIMIT_CM_S:g})\npublished", f"P(V > {LIMIT_CM_S:g}), ours\n(Eq. 11)",
