@@ -2,7 +2,7 @@
 PYTHON  ?= python3
 VENV    := .venv
 BIN     := $(VENV)/bin
-STORE   ?= runs/current.zarr
+RUNS    ?= runs
 WORKERS ?= 2
 INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 
@@ -42,8 +42,10 @@ env-test: $(VENV)/.installed-test
 env-lint: $(VENV)/.installed-lint
 env-docs: $(VENV)/.installed-docs
 
-run: env  ## the main job: design a waveform for the current design (STORE=..., WORKERS=...)
-	$(BIN)/softclose run current --store $(STORE) --workers $(WORKERS)
+run: env  ## the main job: two and three pulses for the current design (RUNS=..., WORKERS=...)
+	$(BIN)/softclose run current --store $(RUNS)/current.zarr --workers $(WORKERS)
+	$(BIN)/softclose run current-three --store $(RUNS)/current-three.zarr --workers $(WORKERS)
+	$(BIN)/softclose compare $(RUNS)/current.zarr $(RUNS)/current-three.zarr
 
 test: env-test  ## every test
 	$(BIN)/python -m pytest

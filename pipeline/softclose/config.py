@@ -181,6 +181,10 @@ class FinishSection:
     """Candidates of the finishing stage; 0 leaves it out."""
     n_switches: Count = 2000
     """Switches per candidate of the finishing stage."""
+    explore: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Candidates of the stage spent first on CMA-ES descents from fresh points, on the search's own ensemble."""
+    n_descents: Count = 8
+    """Descents begun; the better half goes on after each third of `explore`."""
     n_basins: Count = 8
     """Distinct basins of the search that are evaluated again, best first."""
     distance: Annotated[float, Field(gt=0, le=1)] = 0.1
@@ -253,6 +257,10 @@ class CampaignConfig:
                 waveform.check(self.waveform.max_volts, self.model.horizon_us)
             except ValueError as e:
                 raise ValueError(f"waveform.initial[{number}]: {e}") from e
+        if self.finish.explore > self.finish.budget:
+            raise ValueError(
+                f"finish.explore is {self.finish.explore}; it is part of finish.budget, which is {self.finish.budget}"
+            )
         if len(self.waveform.initial) > self.campaign.budget:
             raise ValueError(
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "

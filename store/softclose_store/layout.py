@@ -99,8 +99,8 @@ def _switch_specs() -> list[ArraySpec]:
         _spec("switch", "final_v", cs, "f8", "µm/µs", "velocity at the horizon"),
         _spec("switch", "closed", cs, "bool", "1", "held in contact at the horizon"),
         _spec("switch", "status", cs, "i1", "1", "outcome of the integration; 0: ok, -1: not simulated"),
-        _spec("switch", "impact_time", csi, "f4", "µs", "instants of the first impacts; NaN beyond the last"),
-        _spec("switch", "impact_speed", csi, "f4", "µm/µs", "speeds just before the first impacts"),
+        _spec("switch", "impact_time", csi, "f8", "µs", "instants of the first impacts; NaN beyond the last"),
+        _spec("switch", "impact_speed", csi, "f8", "µm/µs", "speeds just before the first impacts"),
         _spec("switch", "x", cst, "f4", "µm", "travel x(t)"),
         _spec("switch", "v", cst, "f4", "µm/µs", "velocity v(t)"),
     ]

@@ -39,7 +39,7 @@ def test_what_was_written_is_read_back_bit_for_bit(path):
             assert_array_equal(trajectories.v[rows], expected["v"])
             assert_array_equal(responses.max_contact_speed[rows], expected["max_contact_speed"])
             assert_array_equal(responses.closed[rows], expected["closed"])
-            assert_array_equal(responses.impact_time_us[rows], expected["impact_time"].astype(np.float32))
+            assert_array_equal(responses.impact_time_us[rows], expected["impact_time"])
             assert responses.status.dtype == np.int8
         assert trajectories.x.shape == (n, 11)
         assert_array_equal(campaign.waveform(i), proposal(i)["waveform"])

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from threadpoolctl import threadpool_limits
+
 from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine
 from softclose.waveform import Waveform, WaveformError
 
@@ -15,6 +17,8 @@ class Proposer:
     """Asks the right engine for each candidate. Keeps engines loaded, and no state of theirs."""
 
     def __init__(self, problem: Problem) -> None:
+        # For this process's life: the order of a threaded sum would show in the last bits of a proposal.
+        threadpool_limits(limits=1)
         self._problem = problem
         self._initial = problem.config.waveform.initial_waveforms()
         self._engines: dict[str, Engine] = {}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from softclose.baselines import unshaped
 from softclose.config import CampaignConfig
 from softclose.objective import assess
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
+from softclose_workflows.certify import reference_designs
 from softclose_workflows.records import assessment_record, objective_settings
 from softclose_workflows.respond import respond
 from softclose_workflows.standing import waveform_to_json
@@ -30,7 +30,6 @@ def print_result(path: str) -> None:
         print("no candidate could be assessed")
         return
     switches = campaign.switches()[: best.n_switches]
-    step = unshaped()
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
     interval = f"{config.objective.confidence:.0%}"
     kind = (
@@ -40,7 +39,10 @@ def print_result(path: str) -> None:
     print_designs(
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
         [
-            ("unshaped step", waveform_to_json(step.rows()), evaluate(config, switches, step)),
+            *(
+                (name, waveform_to_json(design.rows()), evaluate(config, switches, design))
+                for name, design in reference_designs(config).items()
+            ),
             (f"best (candidate {best.candidate})", waveform_to_json(best.waveform), record),
         ],
         f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",

@@ -4,6 +4,7 @@ converges."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -30,9 +31,10 @@ class CmaesEngine:
         with threadpool_limits(limits=1):
             for run in range(index + 1):
                 begin = np.full(space.dim, 0.5) if run == 0 else initial_point(problem, run - 1, "cmaes")
-                start = CmaStart(point=begin, sigma=SIGMA, population=0)
-                rng = problem.generator("cmaes", run)
-                point, mean = cma_points(start, answers, pending, space, rng)
+                start = CmaStart(point=tuple(begin.tolist()), sigma=SIGMA, population=0)
+                generator = partial(problem.generator, "cmaes", run)
+                identity = ("cmaes", problem.config.campaign.seed, run)
+                point, mean = cma_points(start, answers, pending, space, generator, identity)
                 if point is not None:
                     break
                 if len(pending):  # the generation is in flight: what waits for it may as well look near its mean

@@ -6,7 +6,9 @@ What looked best on the search's ensemble flatters itself (by 0.5-1.1 cm/s at N 
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -15,8 +17,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
+from softclose.propose.cmaes import SIGMA
 from softclose.propose.protocol import Observation, Problem, Proposal
 from softclose.propose.replay import Answers, CmaStart, cma_points, next_point
+from softclose.propose.sobol import initial_point
 from softclose.spaces import SpaceError
 from softclose.waveform import Waveform
 
@@ -25,8 +29,24 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+EXPLORE = "finish-explore"
+"""Origin of a step of a descent."""
+
+ROUNDS = 3
+"""Rounds of successive halving."""
+
+N_SCOUTS = 40
+"""Points from which a descent takes its start."""
+
+GENERATION = 20
+"""Points in a generation of a descent: twice the library's choice for ten parameters, for noise and narrow basins."""
+
 RERANK, POLISH, EXTRA = "finish-rerank", "finish-polish", "finish-extra"
 """Origins: a basin of the search again, a step of the polish, a point beside it while the polish waits."""
+
+
+MOST_RANKED = 500
+"""Records among which basins are looked for, best first."""
 
 
 class FinishEngine:
@@ -37,10 +57,12 @@ class FinishEngine:
     ) -> Proposal:
         """The next candidate of the finishing stage. Candidates of the search still in flight are not considered."""
         settings = problem.config.finish
-        budget = problem.config.campaign.budget
-        search = [o for o in history if o.index < budget]
-        finished = [o for o in history if o.index >= budget]
-        place = index - budget
+        begin = problem.config.campaign.budget + settings.explore
+        if index < begin:
+            return _explore(problem, index, history, pending)
+        search = [o for o in history if o.index < begin]
+        finished = [o for o in history if o.index >= begin]
+        place = index - begin
         basins = distinct_basins(problem, search, settings.n_basins, settings.distance)
         if not basins:
             point = problem.space.canonical(problem.generator("finish", index).random(problem.space.dim))
@@ -72,9 +94,10 @@ class FinishEngine:
             answers = Answers(problem.space, finished)
             for start in best:
                 if settings.method == "cmaes":
-                    run = CmaStart(point=start, sigma=settings.sigma, population=0)
-                    rng = problem.generator("finish", _key(start))
-                    point, centre = cma_points(run, answers, pending, problem.space, rng)
+                    run = CmaStart(point=tuple(start.tolist()), sigma=settings.sigma, population=0)
+                    generator = partial(problem.generator, "finish", _key(start))
+                    identity = ("finish", problem.config.campaign.seed)
+                    point, centre = cma_points(run, answers, pending, problem.space, generator, identity)
                 else:
                     point = next_point(partial(_nelder_mead, start=start, settings=settings), answers)
                 if point is not None or pending:
@@ -84,6 +107,92 @@ class FinishEngine:
             beside = np.clip(centre + 0.5 * settings.sigma * step, 0.0, 1.0)
             return _proposal(problem, problem.space.waveform(beside), EXTRA)
         return _proposal(problem, problem.space.waveform(point), POLISH)
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Candidates of `explore` that one descent gets in one round."""
+
+    begin: int
+    """First place in the finishing stage."""
+    end: int
+    """One past the last."""
+    round_begin: int
+    """First place of its round."""
+    rank: int
+    """Which descent: its number in the first round, afterwards its rank by what the rounds before found."""
+
+
+def shares(explore: int, n_descents: int) -> tuple[Share, ...]:
+    """Successive halving: every round has an equal part of `explore`, and half as many descents as the one before."""
+    counts = [n_descents]
+    while counts[-1] > 1 and len(counts) < ROUNDS:
+        counts.append(max(counts[-1] // 2, 1))
+    edges = [explore * k // len(counts) for k in range(len(counts) + 1)]
+    found = []
+    for begin, end, n in zip(edges[:-1], edges[1:], counts, strict=True):
+        cuts = [begin + (end - begin) * k // n for k in range(n + 1)]
+        found += [Share(cuts[k], cuts[k + 1], begin, k) for k in range(n) if cuts[k + 1] > cuts[k]]
+    return tuple(found)
+
+
+def _explore(problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]) -> Proposal:
+    """A step of one of several CMA-ES descents from fresh points; the better ones go on, the others end.
+
+    Basins are narrow and a descent ends in whichever it meets, so several are begun; the first few hundred candidates
+    tell which are worth finishing (ADR 033).
+    """
+    settings, budget = problem.config.finish, problem.config.campaign.budget
+    table = shares(settings.explore, settings.n_descents)
+    owners = _owners(table, history, budget, problem.config.campaign.lag)
+    here = next(k for k, share in enumerate(table) if share.begin <= index - budget < share.end)
+    descent = owners[here]
+    own = [share for share, who in zip(table[: here + 1], owners, strict=False) if who == descent]
+    records = [o for share in own for o in history[budget + share.begin : budget + share.end]]
+    start = CmaStart(point=tuple(_start(problem, descent, records).tolist()), sigma=SIGMA, population=GENERATION)
+    place = sum(min(share.end, index - budget) - share.begin for share in own)
+    if place < N_SCOUTS:
+        point = initial_point(problem, descent * N_SCOUTS + place, "scout")
+    else:
+        generator = partial(problem.generator, "descent", descent)
+        identity = ("descent", problem.config.campaign.seed, descent)
+        answers = Answers(problem.space, records)
+        wanted, mean = cma_points(start, answers, pending, problem.space, generator, identity)
+        # None: it converged early, or its generation is in flight.
+        step = problem.generator("descpad", index).standard_normal(problem.space.dim)
+        point = np.clip(mean + 0.1 * step, 0.0, 1.0) if wanted is None else wanted
+    return Proposal(
+        waveform=problem.space.waveform(point), origin=EXPLORE, n_switches=problem.config.population.n_switches
+    )
+
+
+def _start(problem: Problem, descent: int, records: Sequence[Observation]) -> FloatArray:
+    """The best of the descent's own scouts, points of a Sobol sequence."""
+    scouts = [o.g_cm_s if o.usable else np.inf for o in records[:N_SCOUTS]]
+    best = int(np.argmin(scouts)) if scouts else 0
+    return initial_point(problem, descent * N_SCOUTS + best, "scout")
+
+
+def _owners(table: Sequence[Share], history: Sequence[Observation], begin: int, lag: int) -> list[int]:
+    """The descent that owns each share. Ranks count only records that every proposal of the round can see.
+
+    Shares of rounds whose predecessors are not recorded yet get a descent of no meaning; nobody asks for them.
+    """
+    owners: list[int] = []
+    best: dict[int, float] = {}
+    ranking: list[int] = []
+    ranked_at, scored = 0, 0
+    for share in table:
+        if share.round_begin != ranked_at:
+            ranked_at = share.round_begin
+            seen = history[begin : max(begin + ranked_at - lag + 1, begin)]
+            while scored < len(owners) and table[scored].round_begin < ranked_at:
+                values = [o.g_cm_s for o in seen[table[scored].begin : table[scored].end] if o.usable]
+                best[owners[scored]] = min([best.get(owners[scored], np.inf), *values])
+                scored += 1
+            ranking = sorted(best, key=lambda who: (best[who], who))
+        owners.append(ranking[share.rank] if share.round_begin else share.rank)
+    return owners
 
 
 def _key(point: FloatArray) -> int:
@@ -104,7 +213,8 @@ def distinct_basins(problem: Problem, search: Sequence[Observation], n: int, dis
     """The waveforms of the best records, each farther than `distance` (largest coordinate) from every better one."""
     chosen: list[Waveform] = []
     points: list[FloatArray] = []
-    for o in sorted((o for o in search if o.usable), key=lambda o: (o.g_cm_s, o.index)):
+    # Thousands of records would be mapped in vain: what is far down the ranking is no basin worth another look.
+    for o in heapq.nsmallest(MOST_RANKED, (o for o in search if o.usable), key=lambda o: (o.g_cm_s, o.index)):
         try:
             point = problem.space.unit(o.waveform, clip=True)
         except SpaceError:
