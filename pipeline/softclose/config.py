@@ -183,7 +183,7 @@ class FinishSection:
     """Switches per candidate of the finishing stage."""
     explore: Annotated[int, Field(ge=0, strict=True)] = 0
     """Candidates of the stage spent first on CMA-ES descents from fresh points, on the search's own ensemble."""
-    n_descents: Count = 8
+    n_descents: Count = 6
     """Descents begun; the better half goes on after each third of `explore`."""
     n_basins: Count = 8
     """Distinct basins of the search that are evaluated again, best first."""

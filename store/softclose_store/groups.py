@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +23,7 @@ from zarr.storage import MemoryStore
 from softclose_store import digests
 from softclose_store.chunk import read_array
 from softclose_store.errors import DamageError, StoreError, StoreExistsError, StoreMissingError
-from softclose_store.files import StorePath, list_keys, normalised, open_files, read_key, write_key
+from softclose_store.files import StorePath, delete_key, list_keys, normalised, open_files, read_key, write_key
 from softclose_store.root import RUNTIME_KEY, Root, read_root, runtime_text, write_root
 
 FILES = "softclose_files"
@@ -91,12 +91,19 @@ def write_group(
     if not replace and read_key(files, last) is not None:
         raise StoreExistsError(f"{where} has a group {name} already; give it another name")
     contents = _build(name, arrays, attributes)
+    for key in _own_last_first(group_keys(files, name), last):
+        delete_key(files, key)  # what the old group had and the new one has not would be read as the new one's
     parents = {f"{'/'.join(parts[:n])}/zarr.json" for parts in [name.split("/")] for n in range(1, len(parts))}
     for key in sorted(contents, key=lambda key: (key == last, key not in parents, key)):
         if key in parents and read_key(files, key) is not None:
             continue
         if key != "zarr.json":
             write_key(files, key, contents[key])
+
+
+def _own_last_first(keys: Iterable[str], last: str) -> list[str]:
+    """The group's own metadata goes first: without it there is no group to be read half."""
+    return sorted(keys, key=lambda key: (key != last, key))
 
 
 def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str, Any]) -> dict[str, bytes]:
@@ -113,6 +120,8 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
         stored = result.create_array(
             key, shape=values.shape, chunks=tuple(max(1, min(n, 65_536)) for n in values.shape),
             dtype="str" if is_text else values.dtype, dimension_names=array.dims,
+            # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
+            config={"write_empty_chunks": True},
             fill_value="" if is_text else np.zeros((), values.dtype)[()],
             compressors=[Crc32cCodec()] if is_text or values.ndim == 0
             else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],

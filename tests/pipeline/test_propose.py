@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 import sys
@@ -9,7 +10,9 @@ import sys
 import numpy as np
 import pytest
 
-from softclose.config import load_config
+from softclose.config import ConfigError, load_config
+from softclose.propose import replay as cmaes_replay
+from softclose.propose.finish import shares
 from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, engine_names, load_engine
 from softclose.propose.trust_region import DESIGN, LOCAL, TrustRegionRules, replay
 
@@ -187,3 +190,33 @@ def test_restarts_may_alternate_between_fresh_points_and_the_best_record():
     assert (around.restarts, around.begin, around.incumbent, around.length) == (1, 0, 1, 0.8)
     fresh = replay(g + [32.0] * 9, origins + [LOCAL] * 9, rules)
     assert (fresh.restarts, fresh.begin, fresh.incumbent) == (2, 20, None)
+
+
+def test_descents_share_the_candidates_and_the_better_half_goes_on() -> None:
+    table = shares(600, 8)
+    assert [(s.begin, s.end) for s in table[:2]] == [(0, 25), (25, 50)]
+    assert [len([s for s in table if s.round_begin == begin]) for begin in (0, 200, 400)] == [8, 4, 2]
+    assert table[-1].end == 600
+    assert all(a.end == b.begin for a, b in itertools.pairwise(table))
+
+
+@pytest.mark.parametrize("lag", [1, 3])
+def test_descents_continued_from_the_cache_propose_what_a_replay_from_the_start_proposes(lag, monkeypatch):
+    def campaign():
+        problem = Problem(load_config({
+            "campaign": {"seed": 5, "budget": 2, "lag": lag},
+            "population": {"n_switches": 50},
+            "optimiser": {"engine": "sobol"},
+            "finish": {"budget": 260, "explore": 260, "n_descents": 2},
+        }))  # fmt: skip
+        return [p.waveform for p in run(problem, "sobol", lag=lag)[1]]
+
+    with_cache = campaign()
+    cmaes_replay._descents.clear()
+    monkeypatch.setattr(cmaes_replay, "_MOST_DESCENTS", 0)
+    assert campaign() == with_cache
+
+
+def test_exploring_cannot_take_more_than_the_finishing_stage_has():
+    with pytest.raises(ConfigError, match=r"finish\.explore is 10; it is part of finish.budget, which is 5"):
+        load_config({}, ["finish.explore=10", "finish.budget=5"])

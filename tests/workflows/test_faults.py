@@ -146,7 +146,7 @@ def test_a_disk_that_fills_up_inside_a_worker_stops_the_run(tmp_path: Path, refe
 
 def test_a_second_driver_is_refused_by_name(tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
-    run = start(store, "--serial")
+    run = start(store, "--serial", "--set", "campaign.budget=500")
     try:
         wait_for_commits(store, 1, run)
         second = softclose("resume", str(store), "--serial")

@@ -221,15 +221,16 @@ def test_best_so_far_starts_afresh_with_a_larger_ensemble(data: ReportData) -> N
 
 def test_a_failed_candidate_is_listed_with_its_reason_and_breaks_nothing(data: ReportData) -> None:
     n = len(data.candidates)
-    failed = np.arange(n) == 1
+    victim = next(i for i in range(n) if i != data.best)
+    failed = np.arange(n) == victim
     columns = {name: np.where(failed, np.nan, values) for name, values in data.candidates.columns.items()}
     notes = tuple("worker died three times" if f else "" for f in failed)
-    shares = {i: found for i, found in data.shares.items() if i != 1}
+    shares = {i: found for i, found in data.shares.items() if i != victim}
     candidates = dataclasses.replace(data.candidates, failed=failed, columns=columns, note=notes)
     page = render_report(dataclasses.replace(data, candidates=candidates, shares=shares))
     assert "worker died three times" in page
-    assert 'data-show="1"' not in page
-    assert shapes.convergence(dataclasses.replace(data, candidates=candidates)).failed.tolist() == [1.0]
+    assert f'data-show="{victim}"' not in page
+    assert shapes.convergence(dataclasses.replace(data, candidates=candidates)).failed.tolist() == [float(victim)]
 
 
 def test_quasi_random_ensembles_show_no_interval(tmp_path: Path) -> None:
