@@ -182,7 +182,7 @@ class FinishSection:
     n_switches: Count = 2000
     """Switches per candidate of the finishing stage."""
     explore: Annotated[int, Field(ge=0, strict=True)] = 0
-    """Candidates of the stage spent first on CMA-ES descents from fresh points, on the search's own ensemble."""
+    """Of `budget`, candidates spent first on CMA-ES descents from fresh points, on the search's own ensemble."""
     n_descents: Count = 6
     """Descents begun; the better half goes on after each third of `explore`."""
     n_basins: Count = 8
@@ -257,10 +257,6 @@ class CampaignConfig:
                 waveform.check(self.waveform.max_volts, self.model.horizon_us)
             except ValueError as e:
                 raise ValueError(f"waveform.initial[{number}]: {e}") from e
-        if self.finish.explore > self.finish.budget:
-            raise ValueError(
-                f"finish.explore is {self.finish.explore}; it is part of finish.budget, which is {self.finish.budget}"
-            )
         if len(self.waveform.initial) > self.campaign.budget:
             raise ValueError(
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "

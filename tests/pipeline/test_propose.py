@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from softclose.config import ConfigError, load_config
+from softclose.config import load_config
 from softclose.propose import replay as cmaes_replay
 from softclose.propose.finish import shares
 from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, engine_names, load_engine
@@ -215,8 +215,3 @@ def test_descents_continued_from_the_cache_propose_what_a_replay_from_the_start_
     cmaes_replay._descents.clear()
     monkeypatch.setattr(cmaes_replay, "_MOST_DESCENTS", 0)
     assert campaign() == with_cache
-
-
-def test_exploring_cannot_take_more_than_the_finishing_stage_has():
-    with pytest.raises(ConfigError, match=r"finish\.explore is 10; it is part of finish.budget, which is 5"):
-        load_config({}, ["finish.explore=10", "finish.budget=5"])

@@ -57,7 +57,7 @@ class FinishEngine:
     ) -> Proposal:
         """The next candidate of the finishing stage. Candidates of the search still in flight are not considered."""
         settings = problem.config.finish
-        begin = problem.config.campaign.budget + settings.explore
+        begin = problem.config.campaign.budget + min(settings.explore, settings.budget)
         if index < begin:
             return _explore(problem, index, history, pending)
         search = [o for o in history if o.index < begin]
@@ -143,7 +143,7 @@ def _explore(problem: Problem, index: int, history: Sequence[Observation], pendi
     tell which are worth finishing (ADR 033).
     """
     settings, budget = problem.config.finish, problem.config.campaign.budget
-    table = shares(settings.explore, settings.n_descents)
+    table = shares(min(settings.explore, settings.budget), settings.n_descents)
     owners = _owners(table, history, budget, problem.config.campaign.lag)
     here = next(k for k, share in enumerate(table) if share.begin <= index - budget < share.end)
     descent = owners[here]
