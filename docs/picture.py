@@ -1,6 +1,6 @@
 """Draws the picture of the README: the plain step and the best waveform of a store, on the same fresh switches.
 
-python docs/picture.py runs/current.zarr -o docs/_static/softclose.png
+python docs/picture.py runs/current-three.zarr -o docs/_static/softclose.png
 """
 
 from __future__ import annotations
