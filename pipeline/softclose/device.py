@@ -6,13 +6,13 @@ for instance, is an entry point of group `softclose.models` and is named by `mod
 
 from __future__ import annotations
 
-import difflib
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from softclose.naming import unknown_name
 from softclose.waveform import Waveform
 
 if TYPE_CHECKING:  # the compiler takes half a second to import, and reading a configuration needs none of it
@@ -57,9 +57,7 @@ def model_names() -> tuple[str, ...]:
 def check_model_name(name: str) -> None:
     """Raise ModelError, naming the nearest known model, where there is none of that name. Imports no model."""
     if name not in model_names():
-        near = difflib.get_close_matches(name, model_names(), n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else "."
-        raise ModelError(f"no device model named {name!r}{hint} Known: {', '.join(model_names())} (model.name)")
+        raise ModelError(unknown_name("device model", name, model_names(), "model.name"))
 
 
 def load_model(name: str) -> DeviceModel:

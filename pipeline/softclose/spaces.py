@@ -8,7 +8,6 @@ numbers (ADR 030).
 
 from __future__ import annotations
 
-import difflib
 import math
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -16,6 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.naming import unknown_name
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -305,9 +305,7 @@ class Space:
 def build_space(name: str, scales: Scales) -> Space:
     """One of `SPACES` in the units of one design. Raises SpaceError naming the nearest known one."""
     if name not in SPACES:
-        near = difflib.get_close_matches(name, SPACES, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise SpaceError(f"no search space named {name!r}{hint} Known: {', '.join(SPACES)} (waveform.space)")
+        raise SpaceError(unknown_name("search space", name, SPACES, "waveform.space"))
     n_pulses, holds = SPACES[name]
     s = scales
     weakest = 0.5 * min(s.pull_in_volts, s.max_volts)  # a quarter of the force at pull-in

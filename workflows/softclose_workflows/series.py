@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from softclose.config import CampaignConfig, ConfigError
+from softclose.config import CampaignConfig
 from softclose_store import DriverStore, open_campaign
 from softclose_workflows.campaign import Campaign
 from softclose_workflows.certified_tables import simulation_progress
@@ -109,16 +108,3 @@ def _same_command_continues() -> Iterator[None]:
 def _say(effort: Effort, message: str) -> None:
     if not effort.quiet:
         click.echo(message, err=True)
-
-
-def find_named(source: str, folder: Path, what: str) -> Path:
-    """The file of a shipped name, or the file itself. Raises ConfigError where there is neither."""
-    path = Path(source)
-    if path.suffix == ".toml" or path.is_file():
-        return path
-    names = sorted(p.stem for p in folder.glob("*.toml"))
-    if source in names:
-        return folder / f"{source}.toml"
-    near = difflib.get_close_matches(source, names, n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise ConfigError(f"no {what} or file {source!r}; {hint}shipped: {', '.join(names)}")

@@ -10,8 +10,8 @@ from typing import Any
 
 from softclose.config import CampaignConfig, ConfigError, load_config, read_toml
 from softclose.population import VARIABLES, Population
-from softclose_workflows.presets import find_preset
-from softclose_workflows.series import Member, find_named
+from softclose_workflows.presets import find_named, find_preset
+from softclose_workflows.series import Member
 
 FOLDER = Path(__file__).parent / "studies"
 

@@ -6,7 +6,6 @@ state between calls, so nothing is replayed on resume and any process gives the 
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 import numpy as np
 
+from softclose.naming import unknown_name
 from softclose.spaces import Scales, Space, build_space
 from softclose.waveform import Waveform
 
@@ -147,9 +147,7 @@ def engine_names() -> tuple[str, ...]:
 def check_engine_name(name: str) -> None:
     """Raise EngineError, naming the nearest known engine, where there is none of that name. Imports no engine."""
     if name not in engine_names():
-        near = difflib.get_close_matches(name, engine_names(), n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else "."
-        raise EngineError(f"no engine named {name!r}{hint} Known: {', '.join(engine_names())} (optimiser.engine)")
+        raise EngineError(unknown_name("engine", name, engine_names(), "optimiser.engine"))
 
 
 def load_engine(name: str) -> Engine:

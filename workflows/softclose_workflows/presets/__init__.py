@@ -17,14 +17,19 @@ def preset_names() -> list[str]:
 
 def find_preset(source: str) -> Path:
     """The file of a preset's name, or the file itself. Raises ConfigError where there is neither."""
+    if Path(source).is_dir() and Path(source).suffix != ".toml":
+        raise ConfigError(f"{source} is a folder; give a TOML file or a preset: {', '.join(preset_names())}")
+    return find_named(source, FOLDER, "preset")
+
+
+def find_named(source: str, folder: Path, what: str) -> Path:
+    """The file of a name shipped in folder, or the file itself. Raises ConfigError where there is neither."""
     path = Path(source)
     if path.suffix == ".toml" or path.is_file():
         return path
-    if path.is_dir():
-        raise ConfigError(f"{source} is a folder; give a TOML file or a preset: {', '.join(preset_names())}")
-    shipped = FOLDER / f"{source}.toml"
-    if shipped.exists():
-        return shipped
-    near = difflib.get_close_matches(source, preset_names(), n=1)
+    names = sorted(p.stem for p in folder.glob("*.toml"))
+    if source in names:
+        return folder / f"{source}.toml"
+    near = difflib.get_close_matches(source, names, n=1)
     hint = f"did you mean {near[0]}? " if near else ""
-    raise ConfigError(f"no preset or file {source!r}; {hint}presets: {', '.join(preset_names())}")
+    raise ConfigError(f"no {what} or file {source!r}; {hint}shipped: {', '.join(names)}")
