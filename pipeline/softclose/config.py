@@ -141,14 +141,12 @@ class OptimiserSection:
     """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
     n_initial: Annotated[int, Field(ge=2, strict=True)] = 20
     """Space-filling candidates before the surrogate proposes."""
-    n_restart: Annotated[int, Field(ge=2, strict=True)] = 15
+    n_restart: Annotated[int, Field(ge=2, strict=True)] = 8
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
     fresh_every: Count = 1
     """Every so many restarts begin elsewhere; the others open the trust region again around the best candidate."""
     n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
     """Points at which the acquisition is screened."""
-    n_polish: Annotated[int, Field(ge=0, strict=True)] = 3
-    """Best of them, polished by L-BFGS."""
     fit_iterations: Count = 20
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
     n_fit: Annotated[int, Field(ge=16, strict=True)] = 100
@@ -159,15 +157,15 @@ class OptimiserSection:
     """What the surrogate sees of g: as it is, cut off above the median, or its logarithm above the best."""
     noise_share: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Share of g's sampling variance that counts as noise between candidates, which share one ensemble."""
-    length_initial: Positive = 0.8
+    length_initial: Positive = 0.4
     """Width of the trust region at the start, in units of the search cube."""
-    length_min: Positive = 0.04
+    length_min: Positive = 0.03
     """Width below which the trust region starts again."""
     length_max: Positive = 1.6
     """Largest width."""
     success_tolerance: Count = 3
     """Successes in a row that double the trust region."""
-    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 5
+    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 6
     """Failures in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from softclose.propose.cmaes import SIGMA
+from softclose.propose.design import design_point
 from softclose.propose.protocol import Observation, Problem, Proposal
 from softclose.propose.replay import Answers, CmaStart, cma_points, next_point
-from softclose.propose.sobol import initial_point
 from softclose.spaces import SpaceError
 from softclose.waveform import Waveform
 
@@ -40,6 +39,9 @@ N_SCOUTS = 40
 
 GENERATION = 20
 """Points in a generation of a descent: twice the library's choice for ten parameters, for noise and narrow basins."""
+
+DESCENT_SIGMA = 0.12
+"""Standard deviation of its first generation, in units of the cube: the design is in a basin's reach already (ADR 034)."""
 
 RERANK, POLISH, EXTRA = "finish-rerank", "finish-polish", "finish-extra"
 """Origins: a basin of the search again, a step of the polish, a point beside it while the polish waits."""
@@ -149,10 +151,10 @@ def _explore(problem: Problem, index: int, history: Sequence[Observation], pendi
     descent = owners[here]
     own = [share for share, who in zip(table[: here + 1], owners, strict=False) if who == descent]
     records = [o for share in own for o in history[budget + share.begin : budget + share.end]]
-    start = CmaStart(point=tuple(_start(problem, descent, records).tolist()), sigma=SIGMA, population=GENERATION)
+    start = CmaStart(point=tuple(_start(problem, descent, records).tolist()), sigma=DESCENT_SIGMA, population=GENERATION)
     place = sum(min(share.end, index - budget) - share.begin for share in own)
     if place < N_SCOUTS:
-        point = initial_point(problem, descent * N_SCOUTS + place, "scout")
+        point = design_point(problem, descent * N_SCOUTS + place, "scout")
     else:
         generator = partial(problem.generator, "descent", descent)
         identity = ("descent", problem.config.campaign.seed, descent)
@@ -167,10 +169,10 @@ def _explore(problem: Problem, index: int, history: Sequence[Observation], pendi
 
 
 def _start(problem: Problem, descent: int, records: Sequence[Observation]) -> FloatArray:
-    """The best of the descent's own scouts, points of a Sobol sequence."""
+    """The best of the descent's own scouts, points of the design."""
     scouts = [o.g_cm_s if o.usable else np.inf for o in records[:N_SCOUTS]]
     best = int(np.argmin(scouts)) if scouts else 0
-    return initial_point(problem, descent * N_SCOUTS + best, "scout")
+    return design_point(problem, descent * N_SCOUTS + best, "scout")
 
 
 def _owners(table: Sequence[Share], history: Sequence[Observation], begin: int, lag: int) -> list[int]:

@@ -14,6 +14,7 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.naming import unknown_name
 from softclose.spaces import Scales, Space, build_space
@@ -22,6 +23,7 @@ from softclose.waveform import Waveform
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig
     from softclose.population import Population
+    from softclose.swing import Lot
 
 
 class EngineError(ValueError):
@@ -100,6 +102,18 @@ class Problem:
             horizon_us=config.model.horizon_us,
         )
         return build_space(config.waveform.space, scales)
+
+    @cached_property
+    def lot(self) -> Lot:
+        """The few switches whose free swing the engines may look at."""
+        from softclose.swing import Lot  # imported where it is used: the compiler is slow to import
+
+        return Lot.of(self.population, plate_area_um2=self.config.model.plate_area_um2)
+
+    @cached_property
+    def design_blocks(self) -> dict[tuple[str, int], NDArray[np.float64]]:
+        """Blocks of the design by stream and number, as far as they were asked for: a cache of a pure function."""
+        return {}
 
     @property
     def n_initial_waveforms(self) -> int:

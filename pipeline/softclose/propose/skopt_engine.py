@@ -8,6 +8,7 @@ trust region around the incumbent and everywhere; see ADR 030 for what was measu
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,21 +18,35 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
-from skopt.acquisition import gaussian_acquisition_1D, gaussian_ei
+from skopt.acquisition import gaussian_ei
 from skopt.learning import GaussianProcessRegressor
 from skopt.learning.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from threadpoolctl import threadpool_limits
 
+from softclose.propose.design import design_point
 from softclose.propose.protocol import Observation, Problem, Proposal, search_history
-from softclose.propose.sobol import initial_point, sobol_points
+from softclose.propose.sobol import sobol_points
 from softclose.propose.trust_region import DESIGN, GLOBAL, LOCAL, RESTART, TrustRegion, TrustRegionRules, replay
 from softclose.spaces import SpaceError
+from softclose.swing import FARTHEST, free_swing
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
 
 FALLBACK = "fallback"
 POLISH = "finish-polish"
+
+SWING = ("reach", "dispersion", "x_last", "v_last")
+"""Names of the surrogate's inputs beyond the coordinates."""
+
+STEPS = (0.15, 0.06, 0.024)
+"""Rounds of looking around the best candidates: standard deviations, in widths of the box."""
+
+N_REFINED, N_AROUND = 5, 60
+"""Candidates that are looked around in a round, and points around each."""
+
+N_FINAL = 8
+"""Candidates that are mapped exactly, repair included, before one is chosen."""
 
 
 class _Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
@@ -52,9 +67,10 @@ class _Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Data:
-    """What the surrogate learns from: canonical points, g and the noise of g."""
+    """What the surrogate learns from: canonical points, its inputs there, g and the noise of g."""
 
     points: FloatArray
+    inputs: FloatArray
     g: FloatArray
     se: FloatArray
     origins: tuple[str, ...]
@@ -76,14 +92,14 @@ def _propose(problem: Problem, index: int, history: Sequence[Observation], pendi
     settings = problem.config.optimiser
     place = index - problem.n_initial_waveforms
     if place < settings.n_initial:
-        return _proposal(problem, initial_point(problem, place), DESIGN)
+        return _proposal(problem, design_point(problem, place), DESIGN)
     data = _collect(problem, search_history(problem, history))
     if len(data.g) < 2:
-        return _proposal(problem, initial_point(problem, place), FALLBACK, note="fewer than two usable candidates")
+        return _proposal(problem, design_point(problem, place), FALLBACK, note="fewer than two usable candidates")
     region = replay(data.g.tolist(), data.origins, _rules(problem))
     since = index - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
     if region.begin and (since < settings.n_restart or region.incumbent is None):
-        return _proposal(problem, initial_point(problem, since, f"again{region.restarts}"), RESTART)
+        return _proposal(problem, design_point(problem, since, f"again{region.restarts}"), RESTART)
     everywhere = settings.global_every > 0 and (place - settings.n_initial) % settings.global_every == (
         settings.global_every - 1
     )
@@ -160,14 +176,23 @@ def _collect(problem: Problem, history: Sequence[Observation]) -> _Data:
         se.append(o.g_se_cm_s if np.isfinite(o.g_se_cm_s) else 0.0)
         origins.append(o.origin)
         indices.append(o.index)
-    dim = problem.space.dim
+    table = np.array(points, dtype=np.float64).reshape(-1, problem.space.dim)
     return _Data(
-        points=np.array(points, dtype=np.float64).reshape(-1, dim),
+        points=table,
+        inputs=_inputs(problem, table),
         g=np.array(g),
         se=np.array(se),
         origins=tuple(origins),
         indices=np.array(indices, dtype=np.int64),
     )
+
+
+def _inputs(problem: Problem, points: FloatArray) -> FloatArray:
+    """(n, d + 4) what the surrogate sees: the coordinates, then reach and dispersion of the lot's free swing and the
+    state of the mean switch when the last pulse begins, each in about [0, 1]."""
+    swing = free_swing(problem.space.rows(points), problem.lot)
+    phase = np.clip(np.stack([swing.x, swing.v], axis=1) / (2.0 * FARTHEST) + 0.5, 0.0, 1.0)
+    return np.column_stack([points, swing.mean / FARTHEST, np.log(swing.sd + 0.01) / math.log(30.0) + 1.2, phase])
 
 
 def _warp(g: FloatArray, mode: str) -> tuple[FloatArray, float]:
@@ -235,19 +260,22 @@ def _acquire(
     everywhere: bool,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, dict[str, float]]:
-    """Largest expected improvement over a few thousand admissible points, the best of them polished."""
+    """Largest expected improvement over a few thousand admissible points, then around the best of them."""
     space, settings = problem.space, problem.config.optimiser
     y, per_cm_s = _warp(data.g, settings.warp)
     noise = settings.noise_share * (data.se * per_cm_s) ** 2
-    centre = data.points[region.incumbent if region.incumbent is not None else int(np.argmin(data.g))]
-    model = _fit(data.points, y, noise, settings.fit_iterations, centre, settings.n_fit)
+    nearest = region.incumbent if region.incumbent is not None else int(np.argmin(data.g))
+    centre = data.points[nearest]
+    model = _fit(data.inputs, y, noise, settings.fit_iterations, data.inputs[nearest], settings.n_fit)
     hyper = model.kernel_.get_params()
-    scales = np.broadcast_to(np.asarray(hyper["k1__k2__length_scale"], dtype=np.float64), (space.dim,))
-    beliefs = {f"length_scale_{name}": float(v) for name, v in zip(space.names, scales, strict=True)}
+    names = (*space.names, *SWING)
+    scales = np.broadcast_to(np.asarray(hyper["k1__k2__length_scale"], dtype=np.float64), (len(names),))
+    beliefs = {f"length_scale_{name}": float(v) for name, v in zip(names, scales, strict=True)}
     beliefs |= {"noise": float(model.noise_ or 0.0), "amplitude": float(hyper["k1__k1__constant_value"])}
     model = _believe(problem, model, data, y, noise, pending)
 
-    low, high = (np.zeros(space.dim), np.ones(space.dim)) if everywhere else region.box(np.clip(centre, 0, 1), scales)
+    middle = np.clip(centre, 0.0, 1.0)
+    low, high = (np.zeros(space.dim), np.ones(space.dim)) if everywhere else region.box(middle, scales[: space.dim])
     target = float(y.min() if everywhere or region.incumbent is None else y[region.incumbent])
     candidates = low + (high - low) * sobol_points(space.dim, settings.n_candidates, rng)
     if not everywhere:
@@ -257,37 +285,36 @@ def _acquire(
         moved = rng.random((n_near, space.dim)) < np.linspace(0.15, 1.0, n_near)[:, None]
         step = 4.0 ** -rng.integers(0, 3, n_near)[:, None]
         candidates[:n_near] = centre + (candidates[:n_near] - centre) * moved * step
-    candidates, fits = space.settle(candidates)
-    candidates = candidates[fits]
+
+    def admissible(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        points, fits = space.settle(points)
+        points = points[fits]
+        if not len(points):
+            return points, np.zeros(0)
+        return points, np.asarray(gaussian_ei(_inputs(problem, points), model, target, xi=0.0))
+
+    candidates, score = admissible(candidates)
     if not len(candidates):
         raise ValueError("no admissible candidate in the trust region")
-    score = gaussian_ei(candidates, model, target, xi=0.0)
-    order = np.argsort(-score, kind="stable")
-    finalists = [candidates[order[0]]]
-    for start in candidates[order[: settings.n_polish]]:
-        found = minimize(
-            lambda x: gaussian_acquisition_1D(x, model, target, "EI", {"xi": 0.0}),
-            start,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=list(zip(low, high, strict=True)),
-            options={"maxiter": 20},
-        )
-        if np.isfinite(found.x).all():
-            finalists.append(space.canonical(found.x))
-    finals = np.array(finalists)
-    values = gaussian_ei(finals, model, target, xi=0.0)
+    for step_length in STEPS:
+        best = candidates[np.argsort(-score, kind="stable")[:N_REFINED]].repeat(N_AROUND, axis=0)
+        away = rng.standard_normal(best.shape) * (rng.random(best.shape) < 0.5)
+        around, gain = admissible(np.clip(best + step_length * (high - low) * away, low, high))
+        candidates, score = np.concatenate([candidates, around]), np.concatenate([score, gain])
+    finals = np.array([space.canonical(c) for c in candidates[np.argsort(-score, kind="stable")[:N_FINAL]]])
+    inputs = _inputs(problem, finals)
+    values = gaussian_ei(inputs, model, target, xi=0.0)
     distance = np.sqrt(((finals[:, None, :] - data.points[None]) ** 2).sum(axis=2)).min(axis=1)
     values = np.where(distance > 1e-7, values, -1.0)  # a point already evaluated would answer the same again
-    point = finals[int(np.argmax(values))] if values.max() >= 0.0 else candidates[order[min(1, len(order) - 1)]]
-    mean, std = model.predict(np.array([point, point]), return_std=True)
+    chosen = int(np.argmax(values))
+    mean, std = model.predict(inputs[[chosen, chosen]], return_std=True)
     beliefs |= {
         "expected_improvement_cm_s": float(max(values.max(), 0.0) / per_cm_s),
         "predicted_std_cm_s": float(std[0] / per_cm_s),
         "predicted_change_cm_s": float((mean[0] - target) / per_cm_s),
         "trust_region_length": region.length,
     }
-    return point, beliefs
+    return finals[chosen], beliefs
 
 
 def _believe(
@@ -303,7 +330,7 @@ def _believe(
             continue
     if not points:
         return model
-    lies = np.array(points)
+    lies = _inputs(problem, np.array(points))
     expected = model.predict(lies)
     kernel = model.kernel_  # its white noise was set to 0 by skopt after the fit
     believer = _Surrogate(
@@ -311,5 +338,5 @@ def _believe(
         alpha=np.concatenate([noise, np.zeros(len(lies))]) + float(model.noise_ or 0.0) + 1e-8,
         optimizer=None,
     )
-    believer.fit(np.concatenate([data.points, lies]), np.concatenate([y, expected]))
+    believer.fit(np.concatenate([data.inputs, lies]), np.concatenate([y, expected]))
     return believer
