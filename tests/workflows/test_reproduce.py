@@ -37,7 +37,7 @@ def test_every_published_figure_has_a_case() -> None:
 def test_presets_are_what_their_names_say() -> None:
     for member in members():
         config = member.config
-        name = member.name.removesuffix("-seed-2")
+        name = member.name
         design = name if name == "paper-text" else re.sub("-(two|three|paper|direct)$", "", name)
         assert config.population.name == design
         assert config.waveform.space.startswith("three" if name.endswith(("-three", "-direct")) else "two")

@@ -23,9 +23,6 @@ class Published:
     """95 % bounds of P(V > 19.7 cm/s), where printed."""
 
 
-SEEDS = (1, 2)
-"""Basins are narrow: two searches, and the better of them (ADR 046)."""
-
 UNSHAPED = Published(v_u_cm_s=40.7, mean_cm_s=34.1)
 DETERMINISTIC = Published(v_u_cm_s=42.6, mean_cm_s=24.7, p_exceed=(0.50, 0.63))
 CURRENT = Published(v_u_cm_s=19.7, mean_cm_s=15.3, p_exceed=(0.08, 0.17))
@@ -44,8 +41,6 @@ class Case:
     """How its waveform was found."""
     preset: str
     """Campaign that it belongs to."""
-    seeds: tuple[int, ...] = (1,)
-    """Seeds of its campaigns: searches that start apart. The best certified waveform of all of them counts."""
     design: str = "best"
     """`best`, or a reference design of the campaign's certification."""
     published: Published | None = None
@@ -59,29 +54,24 @@ CASES = (
     Case(title="deterministic design", how="solved for the mean switch", preset="current-two", design="deterministic",
          published=DETERMINISTIC, figure="6, 7"),
     Case(title="current design, 2 pulses", how="published procedure", preset="current-paper", published=CURRENT),
-    Case(title="current design, 2 pulses", how="softclose", preset="current-two", seeds=SEEDS,
+    Case(title="current design, 2 pulses", how="softclose", preset="current-two",
          published=CURRENT, figure="8, 9"),
     Case(title="current design, 3 pulses", how="DIRECT, 350 evaluations", preset="current-direct", published=THREE),
-    Case(title="current design, 3 pulses", how="softclose", preset="current-three", seeds=SEEDS, published=THREE),
+    Case(title="current design, 3 pulses", how="softclose", preset="current-three", published=THREE),
     Case(title="modified design, 2 pulses", how="published procedure", preset="modified-paper", published=MODIFIED),
-    Case(title="modified design, 2 pulses", how="softclose", preset="modified", seeds=SEEDS,
+    Case(title="modified design, 2 pulses", how="softclose", preset="modified",
          published=MODIFIED, figure="10, 11"),
-    Case(title="modified design, 3 pulses", how="softclose", preset="modified-three", seeds=SEEDS),
+    Case(title="modified design, 3 pulses", how="softclose", preset="modified-three"),
     Case(title="improved process, 2 pulses", how="published procedure", preset="process-improved-paper",
          published=IMPROVED),
-    Case(title="improved process, 2 pulses", how="softclose", preset="process-improved", seeds=SEEDS,
+    Case(title="improved process, 2 pulses", how="softclose", preset="process-improved",
          published=IMPROVED, figure="12"),
-    Case(title="improved process, 3 pulses", how="softclose", preset="process-improved-three", seeds=SEEDS),
+    Case(title="improved process, 3 pulses", how="softclose", preset="process-improved-three"),
     Case(title="unshaped 100 V, literal ±25 %", how="ideal step", preset="paper-text", design="unshaped"),
-    Case(title="current design, literal ±25 %, 2 pulses", how="softclose", preset="paper-text", seeds=SEEDS),
+    Case(title="current design, literal ±25 %, 2 pulses", how="softclose", preset="paper-text"),
 )  # fmt: skip
 
 
 def presets() -> list[str]:
     """The presets of all cases, each once, in order."""
     return list(dict.fromkeys(case.preset for case in CASES))
-
-
-def campaign_name(preset: str, seed: int) -> str:
-    """Name of a campaign's store: the preset's, and the seed where it is not the first."""
-    return preset if seed == 1 else f"{preset}-seed-{seed}"

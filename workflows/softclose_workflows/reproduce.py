@@ -22,7 +22,7 @@ from softclose_workflows.certified_tables import finite, waveform_rows
 from softclose_workflows.certify import Certification, Certified
 from softclose_workflows.paired import spread_at
 from softclose_workflows.presets import find_preset
-from softclose_workflows.published import CASES, LIMIT_CM_S, N_PUBLISHED, Case, campaign_name
+from softclose_workflows.published import CASES, LIMIT_CM_S, N_PUBLISHED, Case, presets
 from softclose_workflows.series import Effort, Member, run_series
 from softclose_workflows.tables import describe_waveform, with_interval
 
@@ -62,14 +62,9 @@ class Row:
 
 
 def members(overrides: Sequence[str] = ()) -> list[Member]:
-    """One campaign per preset and seed."""
-    wanted = dict.fromkeys((case.preset, seed) for case in CASES for seed in case.seeds)
+    """One campaign per preset."""
     return [
-        Member(
-            name=campaign_name(preset, seed),
-            config=load_config(find_preset(preset), [*STORED, f"campaign.seed={seed}", *overrides]),
-        )
-        for preset, seed in wanted
+        Member(name=preset, config=load_config(find_preset(preset), [*STORED, *overrides])) for preset in presets()
     ]
 
 
@@ -91,10 +86,7 @@ def _rows(campaigns: Sequence[Member], certifications: Sequence[Certification]) 
     by_name = {m.name: (m, c) for m, c in zip(campaigns, certifications, strict=True)}
     rows = []
     for case in CASES:
-        member, certification = min(
-            (by_name[campaign_name(case.preset, seed)] for seed in case.seeds),
-            key=lambda found: found[1].best.assessment.g_cm_s,
-        )
+        member, certification = by_name[case.preset]
         designs = {"best": certification.best} | {r.name: r for r in certification.references}
         if case.design not in designs:
             continue  # no deterministic design exists under this campaign's limits
