@@ -44,9 +44,7 @@ class Lot:
         """The lot of a population; the same every time."""
         few = population.sample(_N_SWITCHES, seed=0, sampling="sobol")
         mean = np.asarray(population.mean_switch, dtype=np.float64)
-        travel, gap, c, k = devices(
-            population.sample(_N_STATIC, seed=0, sampling="sobol"), plate_area_um2
-        ).T
+        travel, gap, c, k = devices(population.sample(_N_STATIC, seed=0, sampling="sobol"), plate_area_um2).T
         hold = (gap - travel) * np.sqrt(k * travel / c)
         pull_in = np.where(travel > gap / 3.0, np.sqrt(4.0 * k * gap**3 / (27.0 * c)), hold)
         return cls(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import random
@@ -190,6 +191,15 @@ def test_restarts_may_alternate_between_fresh_points_and_the_best_record():
     assert (around.restarts, around.begin, around.incumbent, around.length) == (1, 0, 1, 0.8)
     fresh = replay(g + [32.0] * 9, origins + [LOCAL] * 9, rules)
     assert (fresh.restarts, fresh.begin, fresh.incumbent) == (2, 20, None)
+
+
+def test_a_restart_that_comes_too_late_to_descend_opens_the_region_around_the_best_record() -> None:
+    rules = dataclasses.replace(RULES, fresh_before=11)
+    origins, g = [DESIGN] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
+    late = replay(g, origins, rules)
+    assert (late.restarts, late.begin, late.incumbent, late.length) == (1, 0, 1, 0.8)
+    early = replay(g, origins, dataclasses.replace(RULES, fresh_before=12))
+    assert (early.restarts, early.begin, early.incumbent) == (1, 11, None)
 
 
 def test_descents_share_the_candidates_and_the_better_half_goes_on() -> None:

@@ -17,9 +17,7 @@ from softclose.waveform import Waveform
 
 def problem(population: str = "current", space: str = "three-pulse-full", seed: int = 1) -> Problem:
     return Problem(
-        load_config(
-            {"campaign": {"seed": seed}, "population": {"name": population}, "waveform": {"space": space}}
-        )
+        load_config({"campaign": {"seed": seed}, "population": {"name": population}, "waveform": {"space": space}})
     )
 
 

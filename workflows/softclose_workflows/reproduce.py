@@ -63,9 +63,7 @@ class Row:
 
 def members(overrides: Sequence[str] = ()) -> list[Member]:
     """One campaign per preset."""
-    return [
-        Member(name=preset, config=load_config(find_preset(preset), [*STORED, *overrides])) for preset in presets()
-    ]
+    return [Member(name=preset, config=load_config(find_preset(preset), [*STORED, *overrides])) for preset in presets()]
 
 
 def reproduce(folder: str | Path, effort: Effort, overrides: Sequence[str] = ()) -> list[Row]:

@@ -41,7 +41,7 @@ GENERATION = 20
 """Points in a generation of a descent: twice the library's choice for ten parameters, for noise and narrow basins."""
 
 DESCENT_SIGMA = 0.12
-"""Standard deviation of its first generation, in units of the cube: the design is in a basin's reach already (ADR 034)."""
+"""Standard deviation of its first generation, in units of the cube: a good start is to be kept (ADR 034)."""
 
 RERANK, POLISH, EXTRA = "finish-rerank", "finish-polish", "finish-extra"
 """Origins: a basin of the search again, a step of the polish, a point beside it while the polish waits."""
@@ -151,7 +151,9 @@ def _explore(problem: Problem, index: int, history: Sequence[Observation], pendi
     descent = owners[here]
     own = [share for share, who in zip(table[: here + 1], owners, strict=False) if who == descent]
     records = [o for share in own for o in history[budget + share.begin : budget + share.end]]
-    start = CmaStart(point=tuple(_start(problem, descent, records).tolist()), sigma=DESCENT_SIGMA, population=GENERATION)
+    start = CmaStart(
+        point=tuple(_start(problem, descent, records).tolist()), sigma=DESCENT_SIGMA, population=GENERATION
+    )
     place = sum(min(share.end, index - budget) - share.begin for share in own)
     if place < N_SCOUTS:
         point = design_point(problem, descent * N_SCOUTS + place, "scout")

@@ -36,6 +36,9 @@ FloatArray = NDArray[np.float64]
 FALLBACK = "fallback"
 POLISH = "finish-polish"
 
+DESCENT = 50
+"""Candidates that a descent needs as a rule: with fewer left, the trust region opens again around the best instead."""
+
 SWING = ("reach", "dispersion", "x_last", "v_last")
 """Names of the surrogate's inputs beyond the coordinates."""
 
@@ -155,6 +158,7 @@ def _rules(problem: Problem) -> TrustRegionRules:
         successes=s.success_tolerance,
         failures=s.failure_tolerance or problem.space.dim,
         fresh_every=s.fresh_every,
+        fresh_before=problem.config.campaign.budget - DESCENT,
         improvement_cm_s=s.improvement_cm_s,
     )
 

@@ -31,6 +31,8 @@ class TrustRegionRules:
     """Failures in a row before it halves."""
     fresh_every: int = 1
     """Every so many restarts begin elsewhere; the others open the box again around the best record of all."""
+    fresh_before: int | None = None
+    """Number of records from which no restart begins elsewhere, since too few would remain; None: all may."""
     improvement_cm_s: float
     """Least decrease of g that counts as a success."""
 
@@ -75,7 +77,8 @@ def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules) 
             length, successes, failures = rules.initial, 0, 0
             restarts += 1
             finite = [(v, j) for j, v in enumerate(g[: i + 1]) if np.isfinite(v)]
-            if restarts % rules.fresh_every == 0 or not finite:
+            room = rules.fresh_before is None or i + 1 < rules.fresh_before
+            if not finite or (room and restarts % rules.fresh_every == 0):
                 begin, best, incumbent = i + 1, np.inf, None
             else:
                 best, incumbent = min(finite)
