@@ -8,9 +8,7 @@ prior knowledge for the engines (ADR 034).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numba import njit
@@ -89,71 +87,66 @@ def free_swing(rows: FloatArray, lot: Lot) -> Swing:
     return Swing(reach=reach, x=state[:, 0], v=state[:, 1])
 
 
-def _build() -> Callable[..., None]:
-    @njit(cache=True, nogil=True, error_model="numpy")
-    def swing(rows, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
-        n_finite = rows.shape[1] - 1
-        shortest_period = 2.0 * math.pi / math.sqrt(lot[:, 3].max())
-        for i in range(rows.shape[0]):
-            end, shortest = 0.0, math.inf
+@njit(cache=True, nogil=True, error_model="numpy")
+def _swing(rows, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
+    """Fills reach (n, m) and state (n, 2). Self-contained: compiled and cached code give the same bits."""
+    n_finite = rows.shape[1] - 1
+    shortest_period = 2.0 * math.pi / math.sqrt(lot[:, 3].max())
+    for i in range(rows.shape[0]):
+        end, shortest = 0.0, math.inf
+        for j in range(n_finite):
+            width = 2.0 * rows[i, j, 1] + rows[i, j, 2]
+            end = max(end, rows[i, j, 0] + width)
+            shortest = min(shortest, width)
+        n_steps = int(min(max(math.ceil(end / min(shortest_period / 64.0, shortest / 8.0)), 1.0), 4000.0))
+        h = end / n_steps
+        square = np.zeros(2 * n_steps + 1)  # u² at the steps and between them, the same for every switch
+        for s in range(2 * n_steps + 1):
+            t, u = 0.5 * s * h, 0.0
             for j in range(n_finite):
-                width = 2.0 * rows[i, j, 1] + rows[i, j, 2]
-                end = max(end, rows[i, j, 0] + width)
-                shortest = min(shortest, width)
-            n_steps = int(min(max(math.ceil(end / min(shortest_period / 64.0, shortest / 8.0)), 1.0), 4000.0))
-            h = end / n_steps
-            square = np.zeros(2 * n_steps + 1)  # u² at the steps and between them, the same for every switch
-            for s in range(2 * n_steps + 1):
-                t, u = 0.5 * s * h, 0.0
-                for j in range(n_finite):
-                    since, rise, peak = t - rows[i, j, 0], rows[i, j, 1], rows[i, j, 2]
-                    if since <= 0.0 or since >= 2.0 * rise + peak:
-                        continue
-                    if since < rise:
-                        u += rows[i, j, 3] * 0.5 * (1.0 - math.cos(math.pi * since / rise))
-                    elif since <= rise + peak:
-                        u += rows[i, j, 3]
-                    else:
-                        u += rows[i, j, 3] * 0.5 * (1.0 + math.cos(math.pi * (since - rise - peak) / rise))
-                square[s] = u * u
-            last = rows[i, n_finite, 0]
-            for m in range(lot.shape[0]):
-                travel, gap, c, k = lot[m, 0], lot[m, 1], lot[m, 2], lot[m, 3]
-                limit = min(farthest * travel, 0.95 * gap)
-                x, v, largest, x_last, v_last, slammed = 0.0, 0.0, 0.0, 0.0, 0.0, False
-                for s in range(n_steps):
-                    if s * h <= last:
-                        x_last, v_last = x, v
-                    f = c * square[2 * s]
-                    a1 = f / (gap - x) ** 2 - k * x
-                    x2, v2 = x + 0.5 * h * v, v + 0.5 * h * a1
-                    f = c * square[2 * s + 1]
-                    a2 = f / (gap - x2) ** 2 - k * x2
-                    x3, v3 = x + 0.5 * h * v2, v + 0.5 * h * a2
-                    a3 = f / (gap - x3) ** 2 - k * x3
-                    x4, v4 = x + h * v3, v + h * a3
-                    f = c * square[2 * s + 2]
-                    a4 = f / (gap - x4) ** 2 - k * x4
-                    x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-                    v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-                    largest = max(largest, x)
-                    if x > limit:
-                        slammed = True
-                        break
-                omega = math.sqrt(k)
-                if slammed:
-                    reach[i, m] = farthest
+                since, rise, peak = t - rows[i, j, 0], rows[i, j, 1], rows[i, j, 2]
+                if since <= 0.0 or since >= 2.0 * rise + peak:
+                    continue
+                if since < rise:
+                    u += rows[i, j, 3] * 0.5 * (1.0 - math.cos(math.pi * since / rise))
+                elif since <= rise + peak:
+                    u += rows[i, j, 3]
                 else:
-                    reach[i, m] = min(max(largest, math.hypot(x, v / omega)) / travel, farthest)
-                    if last >= end:
-                        angle = omega * (last - end)
-                        x_last = x * math.cos(angle) + v / omega * math.sin(angle)
-                        v_last = v * math.cos(angle) - x * omega * math.sin(angle)
-                if m == 0:
-                    state[i, 0] = x_last / travel
-                    state[i, 1] = v_last / (omega * travel)
-
-    return cast("Callable[..., None]", swing)
-
-
-_swing = _build()
+                    u += rows[i, j, 3] * 0.5 * (1.0 + math.cos(math.pi * (since - rise - peak) / rise))
+            square[s] = u * u
+        last = rows[i, n_finite, 0]
+        for m in range(lot.shape[0]):
+            travel, gap, c, k = lot[m, 0], lot[m, 1], lot[m, 2], lot[m, 3]
+            limit = min(farthest * travel, 0.95 * gap)
+            x, v, largest, x_last, v_last, slammed = 0.0, 0.0, 0.0, 0.0, 0.0, False
+            for s in range(n_steps):
+                if s * h <= last:
+                    x_last, v_last = x, v
+                f = c * square[2 * s]
+                a1 = f / (gap - x) ** 2 - k * x
+                x2, v2 = x + 0.5 * h * v, v + 0.5 * h * a1
+                f = c * square[2 * s + 1]
+                a2 = f / (gap - x2) ** 2 - k * x2
+                x3, v3 = x + 0.5 * h * v2, v + 0.5 * h * a2
+                a3 = f / (gap - x3) ** 2 - k * x3
+                x4, v4 = x + h * v3, v + h * a3
+                f = c * square[2 * s + 2]
+                a4 = f / (gap - x4) ** 2 - k * x4
+                x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+                v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+                largest = max(largest, x)
+                if x > limit:
+                    slammed = True
+                    break
+            omega = math.sqrt(k)
+            if slammed:
+                reach[i, m] = farthest
+            else:
+                reach[i, m] = min(max(largest, math.hypot(x, v / omega)) / travel, farthest)
+                if last >= end:
+                    angle = omega * (last - end)
+                    x_last = x * math.cos(angle) + v / omega * math.sin(angle)
+                    v_last = v * math.cos(angle) - x * omega * math.sin(angle)
+            if m == 0:
+                state[i, 0] = x_last / travel
+                state[i, 1] = v_last / (omega * travel)
