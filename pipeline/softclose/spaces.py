@@ -1,20 +1,20 @@
 """Owns the search spaces: unit cube <-> waveform, in coordinates that mean the same for every design.
 
 A finite pulse is its impulse I = u²·(tp + ¾·tr) (the time integral of u²: what decides the momentum of the plate),
-its rise time and its voltage; the gap to the next pulse is measured from the end of the flat top, in natural periods.
-Every scale follows from the mean switch and the limits, so another thickness, gap or voltage limit needs no other
-numbers (ADR 030).
+its rise time and its voltage; the delay to the next pulse runs from centre to centre, in natural periods: the phase in
+which it meets the plate. The centre of the last pulse is the middle of its rise. Every scale follows from the mean
+switch and the limits, so another thickness, gap or voltage limit needs no other numbers (ADR 030, 035).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.coordinate import Coordinate
 from softclose.naming import unknown_name
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
@@ -25,6 +25,10 @@ EPSILON_0 = 8.8541878128e-12
 
 _RAMPS = 0.75
 """∫s² over the rise and the fall together, in rise times: raised cosines give 2·3/8."""
+
+
+_NO_VOLTS = 1e-3
+"""Weakest pulse in units of the limit: a millionth of the force."""
 
 
 class SpaceError(ValueError):
@@ -76,50 +80,10 @@ class Scales:
         )
 
 
-_OVERLAP = -0.25
-"""Value of a gap at which a pulse starts together with the one before it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Coordinate:
-    """One axis of the unit cube."""
-
-    name: str
-    """impulse, rise, volts, gap or peak, with the number of its pulse from 1."""
-    low: float
-    """Value at 0, in the unit of the name: impulse [scale], rise [µs], volts [V], gap [periods], peak [µs]."""
-    high: float
-    """Value at 1."""
-    log: bool = False
-    """True where the axis is logarithmic."""
-    dense: Literal["evenly", "low", "high"] = "evenly"
-    """End at which the axis is stretched (quadratically): half of it covers the quarter of the range at that end."""
-
-    def value(self, u: FloatArray) -> FloatArray:
-        """Unit -> physical, any shape."""
-        t = u**2 if self.dense == "low" else 1.0 - (1.0 - u) ** 2 if self.dense == "high" else u
-        if self.log:
-            return np.asarray(self.low * np.exp(t * math.log(self.high / self.low)))
-        return np.asarray(self.low + t * (self.high - self.low))
-
-    def unit(self, value: ArrayLike) -> FloatArray:
-        """Physical -> unit, any shape; outside [0, 1] where the value is outside, -inf where it has no logarithm."""
-        v = np.asarray(value, dtype=np.float64)
-        with np.errstate(divide="ignore"):
-            if self.log:
-                t = np.log(v / self.low) / math.log(self.high / self.low)
-            else:
-                t = (v - self.low) / (self.high - self.low)
-        if self.dense == "low":
-            return np.asarray(np.sign(t) * np.sqrt(np.abs(t)))
-        if self.dense == "high":
-            return np.asarray(1.0 - np.sign(1.0 - t) * np.sqrt(np.abs(1.0 - t)))
-        return np.asarray(t)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Space:
-    """A search space: d coordinates in [0, 1], every one of which yields an admissible waveform.
+    """A search space: d coordinates in [0, 1], every one of which yields an admissible waveform, and all are reached
+    whose pulses begin, rise and stay at their top within a horizon each and are stronger than a thousandth of the limit.
 
     Points whose pulses would exceed the voltage limit are repaired, deterministically: the later pulse is delayed
     until the sum fits. `canonical` gives the point that stands for the repaired waveform; on it `unit` and `waveform`
@@ -155,9 +119,8 @@ class Space:
         values |= {name: np.full(len(u), value) for name, value in self.fixed}
         rows = np.empty((len(u), self.n_pulses, 4))
         s = self.scales
-        least = {c.name: c.low for c in self.coordinates} | dict(self.fixed)
-        start = np.zeros(len(u))
-        plateau_end = np.zeros(len(u))
+        least = {c.name: c.least for c in self.coordinates} | dict(self.fixed)
+        start = centre = np.zeros(len(u))
         for j in range(1, self.n_pulses + 1):
             rise, volts = values[f"rise{j}"], values[f"volts{j}"]
             if j == self.n_pulses:
@@ -167,14 +130,18 @@ class Space:
                 # the impulse is what the motion is most sensitive to.
                 impulse = np.maximum(values[f"impulse{j}"] * s.impulse, _RAMPS * rise * least[f"volts{j}"] ** 2)
                 volts = np.minimum(volts, np.sqrt(impulse / (_RAMPS * rise)))
-                peak = np.maximum(impulse / volts**2 - _RAMPS * rise, 0.0)
+                peak = np.clip(impulse / volts**2 - _RAMPS * rise, 0.0, s.horizon_us)
+            half = 0.5 * rise if j == self.n_pulses else rise + 0.5 * peak
             if j > 1:
-                gap = values[f"gap{j}"]
-                unit_us = np.where(gap < 0.0, (plateau_end - start) / -_OVERLAP, s.period_us)
-                start = np.maximum(start, plateau_end + gap * unit_us)
+                start = np.maximum(start, centre + values[f"delay{j}"] * s.period_us - half)
             rows[:, j - 1] = np.stack([start, rise, peak, volts], axis=1)
-            plateau_end = start + rise + peak
+            centre = start + half
         return rows
+
+    def core(self, points: ArrayLike) -> FloatArray:
+        """(n, d) points of a unit cube -> the same points of the cores of all axes."""
+        begin, end = np.array([c.core for c in self.coordinates]).T
+        return np.asarray(begin + np.asarray(points, dtype=np.float64) * (end - begin))
 
     def waveform(self, point: ArrayLike) -> Waveform:
         """(d,) unit point, clipped to the cube -> an admissible waveform."""
@@ -192,7 +159,7 @@ class Space:
             i = int(np.flatnonzero(outside)[0])
             c = self.coordinates[i]
             raise SpaceError(
-                f"{c.name} is outside [{c.low:.6g}, {c.high:.6g}] of space {self.name} "
+                f"{c.name} is outside [{c.least:.6g}, {c.most:.6g}] of space {self.name} "
                 f"(coordinate {point[i]:.3g} of 0 to 1): "
                 "it cannot be a point of this space (clip=True takes the nearest)"
             )
@@ -225,35 +192,34 @@ class Space:
         """Fast, vectorised and approximate `canonical`: (n, d) points and (n,) whether they respect the limit on the
         sum.
 
-        A later pulse that is too early is moved to the end of the flat top before it; what still does not fit is
-        flagged. For screening thousands of candidates; what is proposed goes through `waveform`.
+        A pulse that comes too early is moved to the end of the flat top before it, with all that follow; what still
+        does not fit is flagged. For screening thousands of candidates; what is proposed goes through `waveform`.
         """
-        u = np.array(np.clip(np.atleast_2d(np.asarray(points, dtype=np.float64)), 0.0, 1.0))
-        rows = self.rows(u)
-        fits = self._peak(rows) <= self.scales.max_volts * (1.0 + 1e-6)
-        gaps = [i for i, c in enumerate(self.coordinates) if c.name.startswith("gap")]
-        if not fits.all() and gaps:
-            moved = u[~fits]
-            for i in gaps:
-                moved[:, i] = np.maximum(moved[:, i], float(self.coordinates[i].unit(0.0)))
-            u[~fits] = moved
-            rows[~fits] = self.rows(moved)
-            fits[~fits] = self._peak(rows[~fits]) <= self.scales.max_volts * (1.0 + 1e-6)
+        rows = self.rows(points)
+        limit = self.scales.max_volts * (1.0 + 1e-6)
+        fits = self._peak(rows) <= limit
+        if not fits.all() and self.n_pulses > 1:
+            moved = rows[~fits]
+            for j in range(1, self.n_pulses):
+                plateau_end = moved[:, j - 1, :3].sum(axis=1)
+                moved[:, j:, 0] += np.maximum(plateau_end - moved[:, j, 0], 0.0)[:, None]
+            rows[~fits] = moved
+            fits[~fits] = self._peak(moved) <= limit
         return np.clip(self._coordinates(rows), 0.0, 1.0), fits
 
     def _coordinates(self, rows: FloatArray) -> FloatArray:
         """(n, n_pulse, 4) rows -> (n, d) coordinates, not clipped."""
         out = np.empty((len(rows), self.dim))
-        plateau_end = rows[:, :, 0] + rows[:, :, 1] + rows[:, :, 2]
+        half = rows[:, :, 1] + 0.5 * rows[:, :, 2]
+        half[:, -1] = 0.5 * rows[:, -1, 1]
+        centre = rows[:, :, 0] + half
         for i, c in enumerate(self.coordinates):
             j = int(c.name[-1]) - 1
-            start, rise, peak, volts = rows[:, j].T
+            _, rise, peak, volts = rows[:, j].T
             if c.name.startswith("impulse"):
                 value = volts**2 * (peak + _RAMPS * rise) / self.scales.impulse
-            elif c.name.startswith("gap"):
-                late = start - plateau_end[:, j - 1]
-                early = (plateau_end[:, j - 1] - rows[:, j - 1, 0]) / -_OVERLAP
-                value = late / np.where(late < 0.0, early, self.scales.period_us)
+            elif c.name.startswith("delay"):
+                value = (centre[:, j] - centre[:, j - 1]) / self.scales.period_us
             else:
                 value = {"rise": rise, "peak": peak, "volts": volts}[c.name[:-1]]
             out[:, i] = c.unit(value)
@@ -310,30 +276,45 @@ def build_space(name: str, scales: Scales) -> Space:
     s = scales
     weakest = 0.5 * min(s.pull_in_volts, s.max_volts)  # a quarter of the force at pull-in
     idle = min(0.7 * s.hold_volts, 0.5 * s.max_volts)  # half of the force that holds the mean switch
-    end = max(s.horizon_us, 4.0 * s.period_us)
     axes: list[Coordinate] = []
     for j in range(1, n_pulses + 1):
         last = j == n_pulses
         if j > 1:
-            # A hold catches the plate as it arrives; one that comes a period later catches what has come back.
-            axes.append(Coordinate(name=f"gap{j}", low=_OVERLAP, high=1.25, dense="low" if last else "evenly"))
+            farthest = 2.5 * s.horizon_us / s.period_us  # starts, rises and flat tops of a horizon each
+            axes.append(Coordinate(name=f"delay{j}", least=-farthest, low=0.0, high=1.5, most=farthest))
         if not last:
-            axes.append(Coordinate(name=f"impulse{j}", low=0.05, high=1.25))
+            longest = max(1.75 * s.horizon_us * s.max_volts**2 / s.impulse, 1.25)
+            axes.append(Coordinate(name=f"impulse{j}", least=0.0, low=0.05, high=1.25, most=longest))
         # Short and strong pulses disperse the ensemble least (paper §3.2); a hold needs little more than what holds.
         slow = max(s.period_us if last else 0.5 * s.period_us, 2.0 * s.min_rise_us)
         axes.append(
-            Coordinate(name=f"rise{j}", low=s.min_rise_us, high=slow, log=True, dense="evenly" if last else "low")
+            Coordinate(
+                name=f"rise{j}",
+                least=s.min_rise_us,
+                low=s.min_rise_us,
+                high=slow,
+                most=max(s.horizon_us, slow),
+                log=True,
+                dense="evenly" if last else "low",
+            )
         )
         axes.append(
             Coordinate(
                 name=f"volts{j}",
+                least=_NO_VOLTS * s.max_volts,
                 low=idle if last else weakest,
                 high=s.max_volts,
+                most=s.max_volts,
                 dense="low" if last else "high",
             )
         )
         if last and not holds:
-            axes.append(Coordinate(name=f"peak{j}", low=0.25 * s.min_rise_us, high=2.0 * end, log=True))
+            long = max(s.horizon_us, 4.0 * s.period_us)
+            axes.append(
+                Coordinate(
+                    name=f"peak{j}", least=0.0, low=0.25 * s.min_rise_us, high=2.0 * long, most=2.0 * long, log=True
+                )
+            )
     fixed: tuple[tuple[str, float], ...] = ()
     if name == "two-pulse-paper":
         fixed = (("rise1", s.min_rise_us), ("volts1", s.max_volts))

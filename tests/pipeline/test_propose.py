@@ -109,7 +109,7 @@ def test_skopt_finds_the_bottom_of_a_bowl_that_sobol_only_surrounds():
 def test_skopt_reports_what_its_surrogate_believed():
     _, proposals = run(problem_of(budget=12), "skopt")
     beliefs = proposals[-1].surrogate
-    assert {"noise", "amplitude", "trust_region_length", "length_scale_gap2"} <= set(beliefs)
+    assert {"noise", "amplitude", "trust_region_length", "length_scale_delay2"} <= set(beliefs)
     assert all(math.isfinite(v) for v in beliefs.values())
 
 

@@ -67,7 +67,7 @@ def test_overlapping_pulses_are_reached():
 def test_an_overlap_above_the_limit_is_delayed_until_it_just_fits():
     space = space_of("two-pulse-full")
     point = np.full(6, 0.5)
-    point[list(space.names).index("gap2")] = 0.0
+    point[list(space.names).index("delay2")] = 0.0
     point[list(space.names).index("volts1")] = 1.0
     waveform = space.waveform(point)
     assert waveform.max_voltage() == pytest.approx(150.0, rel=1e-6)
@@ -93,9 +93,32 @@ def test_another_form_is_refused_with_what_was_expected():
         space_of("two-pulse-paper").unit(Waveform([Pulse(0, 5, 3, 150), Pulse(20, 4, math.inf, 80)]))
 
 
+@settings(max_examples=200, deadline=None)
+@given(data=st.data(), n_pulses=st.sampled_from([2, 3]), holds=st.booleans(),
+       switch=st.sampled_from([CURRENT, MODIFIED]), volts=st.sampled_from([90.0, 150.0]))  # fmt: skip
+def test_every_admissible_waveform_is_a_point_of_the_full_space(data, n_pulses, holds, switch, volts):
+    horizon = 250.0
+    kind = "full" if holds else "release"
+    space = space_of(f"{'two' if n_pulses == 2 else 'three'}-pulse-{kind}", switch, max_volts=volts)
+    starts = sorted([0.0, *data.draw(st.lists(st.floats(0.0, horizon), min_size=n_pulses - 1, max_size=n_pulses - 1))])
+    pulses = [
+        Pulse(
+            start,
+            data.draw(st.floats(4.0, horizon)),
+            math.inf if holds and j == n_pulses - 1 else data.draw(st.floats(0.0, horizon)),
+            # Their sum stays below the limit, wherever they overlap.
+            data.draw(st.floats(1e-3 * volts, volts / n_pulses)),
+        )
+        for j, start in enumerate(starts)
+    ]
+    waveform = Waveform(pulses)
+    again = space.waveform(space.unit(waveform))
+    np.testing.assert_allclose(again.rows(), waveform.rows(), rtol=1e-6, atol=1e-5)
+
+
 def test_a_waveform_outside_the_ranges_is_refused_or_clipped():
     space = space_of("two-pulse-full")
-    far = Waveform([Pulse(0, 4, 3, 150), Pulse(20, 200.0, math.inf, 80)])
+    far = Waveform([Pulse(0, 4, 3, 150), Pulse(20, 400.0, math.inf, 80)])
     with pytest.raises(SpaceError, match="rise2"):
         space.unit(far)
     assert space.unit(far, clip=True)[list(space.names).index("rise2")] == 1.0

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from softclose.coordinate import FAR
 from softclose.propose.protocol import Observation, Problem, search_history
 
 FloatArray = NDArray[np.float64]
@@ -86,7 +87,7 @@ def surrogate_dependence(
         fitted = np.asarray(model.kernel_.get_params()["k1__k2__length_scale"], dtype=np.float64)
         scales = np.broadcast_to(fitted, (problem.space.dim,)).copy()
         d, point = problem.space.dim, data.points[best]
-        unit = np.linspace(0.0, 1.0, n_grid)
+        unit = np.linspace(FAR, 1.0 - FAR, n_grid)  # a tail would stretch the picture to what nobody tried
         average = data.points[np.unique(np.linspace(0, len(data.points) - 1, n_average).astype(int))]
         mean, line, sd = (np.empty((d, n_grid)) for _ in range(3))
         for j in range(d):
@@ -95,7 +96,7 @@ def surrogate_dependence(
             on_line[:, j] = unit
             _, std = model.predict(on_line, return_std=True)
             line[j], sd[j] = expected(on_line), np.asarray(std) / per_cm_s
-        coarse = np.linspace(0.0, 1.0, n_pair_grid)
+        coarse = np.linspace(FAR, 1.0 - FAR, n_pair_grid)
         first, second = np.meshgrid(coarse, coarse)
         both = np.column_stack([first.ravel(), second.ravel()])
         pairs = tuple(sorted(combinations(range(d), 2), key=lambda p: float(scales[p[0]] * scales[p[1]])))[:max_pairs]

@@ -24,6 +24,10 @@ _POOL = 4096
 LEAST_REACH, MOST_REACH = 0.35, 1.0
 """Mean switch: the finite pulses carry it a third of its travel at least, and do not close it by themselves."""
 
+ARRIVAL = (0.1, 0.45)
+"""Delay of the last pulse [periods]: it is half up when the plate turns, about a quarter of a period after the last
+kick, later where the field softens the spring."""
+
 MOST_REACH_OF_LOT = 1.1
 """Every switch of the lot: hardly any is closed by the finite pulses alone."""
 
@@ -40,7 +44,10 @@ def design_point(problem: Problem, place: int, stream: str = "initial") -> Float
 def _block(problem: Problem, stream: str, block: int) -> FloatArray:
     """(BLOCK, d) Sobol points that may land the lot, of those the ones that disperse it least."""
     space, lot = problem.space, problem.lot
-    points = sobol_points(space.dim, _POOL, problem.generator(stream, block))
+    points = space.core(sobol_points(space.dim, _POOL, problem.generator(stream, block)))
+    arrival = space.names.index(f"delay{space.n_pulses}")
+    early, late = ARRIVAL
+    points[:, arrival] = space.coordinates[arrival].unit(early + points[:, arrival] * (late - early))
     hold = space.names.index(f"volts{space.n_pulses}")
     low = min(lot.weak_hold_volts, 0.9 * space.scales.max_volts)
     high = min(max(lot.strong_hold_volts, low), space.scales.max_volts)
