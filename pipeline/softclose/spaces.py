@@ -82,8 +82,10 @@ class Scales:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Space:
-    """A search space: d coordinates in [0, 1], every one of which yields an admissible waveform, and all are reached
-    whose pulses begin, rise and stay at their top within a horizon each and are stronger than a thousandth of the limit.
+    """A search space: d coordinates in [0, 1], every one of which yields an admissible waveform.
+
+    In a `-full` or `-release` space all are reached whose pulses begin, rise and stay at their top within a horizon
+    each and are no weaker than a thousandth of the limit.
 
     Points whose pulses would exceed the voltage limit are repaired, deterministically: the later pulse is delayed
     until the sum fits. `canonical` gives the point that stands for the repaired waveform; on it `unit` and `waveform`
