@@ -6,6 +6,7 @@ import json
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -91,8 +92,8 @@ def test_tolerance_asks_the_best_candidate_and_the_certified_one_once_there_is_o
     best = certify(store, n_switches=200, top=2).best
     said = json.loads(_run(*asked, "--json").stdout)
     assert (said["why"], said["candidate"]) == ("best certified", best.candidate)
-    # The first of the certified switches, and nothing else: the same V.
-    assert said["rows"][0]["max_cm_s"] <= 100.0 * float(best.response.max_contact_speed[:100].max()) + 1e-9
+    # The first of the certified switches, and nothing else: the same V. A switch that never touches has none.
+    assert said["rows"][0]["max_cm_s"] == pytest.approx(100.0 * np.nanmax(best.response.max_contact_speed[:100]))
     assert "perfect" in _run(*asked).stdout
 
 
