@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose import _pieces, _rk, _taylor
+from softclose.plate import EPSILON_0
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
 
-EPS0_F_PER_M = 8.8541878128e-12
 MAX_STEPS = 200_000
 """Work limit per switch [integration steps]: a thousand times what an ordinary trajectory needs."""
 
@@ -40,7 +40,7 @@ def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
     """(n, 4) travel D, gap G [µm], c [µm³/(µs² V²)] and k [1/µs²] of Eq. 1 per mass (SPEC §1)."""
     out = np.empty((len(switches), 4))
     out[:, :2] = switches[:, :2]
-    out[:, 2] = EPS0_F_PER_M * 1e6 * plate_area_um2 / (2000.0 * switches[:, 3])
+    out[:, 2] = EPSILON_0 * 1e6 * plate_area_um2 / (2000.0 * switches[:, 3])
     out[:, 3] = switches[:, 2] / (1000.0 * switches[:, 3])
     return out
 

@@ -16,16 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from softclose.coordinate import Coordinate
 from softclose.naming import unknown_name
+from softclose.plate import EPSILON_0, holding_voltage, pull_in_voltage
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
 FloatArray = NDArray[np.float64]
 
-EPSILON_0 = 8.8541878128e-12
-"""Vacuum permittivity [F/m]."""
-
 _RAMPS = 0.75
 """∫s² over the rise and the fall together, in rise times: raised cosines give 2·3/8."""
-
 
 _NO_VOLTS = 1e-3
 """Weakest pulse in units of the limit: a millionth of the force."""
@@ -65,15 +62,15 @@ class Scales:
         horizon_us: float = 250.0,
     ) -> Scales:
         """Scales of one switch: (4,) D, G [µm], K [N/m], M [µg], the population's mean as a rule."""
-        travel, gap, stiffness, mass = (float(v) for v in np.asarray(switch, dtype=np.float64))
+        mean = np.asarray(switch, dtype=np.float64)
+        travel, gap, stiffness, mass = (float(v) for v in mean)
         c = EPSILON_0 * 1e6 * plate_area_um2 / (2000.0 * mass)
-        k = stiffness / (1000.0 * mass)
-        omega = math.sqrt(k)
+        omega = math.sqrt(stiffness / (1000.0 * mass))
         return cls(
             period_us=2.0 * math.pi / omega,
             impulse=omega * travel * gap**2 / c,
-            pull_in_volts=math.sqrt(8.0 * k * gap**3 / (54.0 * c)),
-            hold_volts=(gap - travel) * math.sqrt(k * travel / c),
+            pull_in_volts=float(pull_in_voltage(mean, plate_area_um2)),
+            hold_volts=float(holding_voltage(mean, plate_area_um2)),
             max_volts=max_volts,
             min_rise_us=min_rise_us,
             horizon_us=horizon_us,
@@ -133,7 +130,7 @@ class Space:
                 impulse = np.maximum(values[f"impulse{j}"] * s.impulse, _RAMPS * rise * least[f"volts{j}"] ** 2)
                 volts = np.minimum(volts, np.sqrt(impulse / (_RAMPS * rise)))
                 peak = np.clip(impulse / volts**2 - _RAMPS * rise, 0.0, s.horizon_us)
-            half = 0.5 * rise if j == self.n_pulses else rise + 0.5 * peak
+            half = _to_centre(rise, peak, last=j == self.n_pulses)
             if j > 1:
                 start = np.maximum(start, centre + values[f"delay{j}"] * s.period_us - half)
             rows[:, j - 1] = np.stack([start, rise, peak, volts], axis=1)
@@ -200,7 +197,7 @@ class Space:
         rows = self.rows(points)
         limit = self.scales.max_volts * (1.0 + 1e-6)
         fits = self._peak(rows) <= limit
-        if not fits.all() and self.n_pulses > 1:
+        if not fits.all():
             moved = rows[~fits]
             for j in range(1, self.n_pulses):
                 plateau_end = moved[:, j - 1, :3].sum(axis=1)
@@ -212,16 +209,17 @@ class Space:
     def _coordinates(self, rows: FloatArray) -> FloatArray:
         """(n, n_pulse, 4) rows -> (n, d) coordinates, not clipped."""
         out = np.empty((len(rows), self.dim))
-        half = rows[:, :, 1] + 0.5 * rows[:, :, 2]
-        half[:, -1] = 0.5 * rows[:, -1, 1]
-        centre = rows[:, :, 0] + half
+        centre = [
+            rows[:, j, 0] + _to_centre(rows[:, j, 1], rows[:, j, 2], last=j == self.n_pulses - 1)
+            for j in range(self.n_pulses)
+        ]
         for i, c in enumerate(self.coordinates):
             j = int(c.name[-1]) - 1
             _, rise, peak, volts = rows[:, j].T
             if c.name.startswith("impulse"):
                 value = volts**2 * (peak + _RAMPS * rise) / self.scales.impulse
             elif c.name.startswith("delay"):
-                value = (centre[:, j] - centre[:, j - 1]) / self.scales.period_us
+                value = (centre[j] - centre[j - 1]) / self.scales.period_us
             else:
                 value = {"rise": rise, "peak": peak, "volts": volts}[c.name[:-1]]
             out[:, i] = c.unit(value)
@@ -268,6 +266,11 @@ class Space:
         """An instant after which the waveform no longer changes, at least the horizon [µs]."""
         last = max(p.start_us + p.rise_us if p.holds else p.end_us for p in waveform.pulses)
         return max(self.scales.horizon_us, last)
+
+
+def _to_centre(rise: FloatArray, peak: FloatArray, *, last: bool) -> FloatArray:
+    """From the start of a pulse to its centre [µs]; that of the last pulse is the middle of its rise."""
+    return 0.5 * rise if last else rise + 0.5 * peak
 
 
 def build_space(name: str, scales: Scales) -> Space:

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from softclose._kernel import devices
+from softclose.plate import holding_voltage, pull_in_voltage
 from softclose.population import Population
 
 FloatArray = NDArray[np.float64]
@@ -42,9 +43,10 @@ class Lot:
         """The lot of a population; the same every time."""
         few = population.sample(_N_SWITCHES, seed=0, sampling="sobol")
         mean = np.asarray(population.mean_switch, dtype=np.float64)
-        travel, gap, c, k = devices(population.sample(_N_STATIC, seed=0, sampling="sobol"), plate_area_um2).T
-        hold = (gap - travel) * np.sqrt(k * travel / c)
-        pull_in = np.where(travel > gap / 3.0, np.sqrt(4.0 * k * gap**3 / (27.0 * c)), hold)
+        many = population.sample(_N_STATIC, seed=0, sampling="sobol")
+        hold = holding_voltage(many, plate_area_um2)
+        travel, gap = many[:, 0], many[:, 1]
+        pull_in = np.where(travel > gap / 3.0, pull_in_voltage(many, plate_area_um2), hold)
         return cls(
             devices=devices(np.vstack([mean, few]), plate_area_um2),
             weak_hold_volts=float(np.quantile(hold, 0.9)),

@@ -63,18 +63,18 @@ def surrogate_dependence(
     None where fewer than MIN_CANDIDATES usable candidates lie in the search space, or the process cannot be fitted.
     g above its median is cut off before the fit, as the engine does (`optimiser.warp`): high plateaus are lower bounds.
     """
-    from softclose.propose import skopt_engine as engine
+    from softclose.propose.surrogate import collect, fit, warped  # imported where it is used: skopt is slow to import
 
-    data = engine._collect(problem, search_history(problem, history))
+    data = collect(problem, search_history(problem, history))
     if len(data.g) < MIN_CANDIDATES:
         return None
     warp = "none" if problem.config.optimiser.warp == "none" else "clip"  # a logarithm cannot be averaged back
-    y, per_cm_s = engine._warp(data.g, warp)
+    y, per_cm_s = warped(data.g, warp)
     noise = problem.config.optimiser.noise_share * (data.se * per_cm_s) ** 2
     with threadpool_limits(limits=1), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # bounds of the length scales are met often, as in the engine
         try:
-            model = engine._fit(data.points, y, noise, problem.config.optimiser.fit_iterations)
+            model = fit(data.points, y, noise, problem.config.optimiser.fit_iterations)
         except (np.linalg.LinAlgError, ValueError, FloatingPointError):
             return None
         best = int(np.argmin(data.g))

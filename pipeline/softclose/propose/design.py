@@ -44,14 +44,15 @@ def design_point(problem: Problem, place: int, stream: str = "initial") -> Float
 def _block(problem: Problem, stream: str, block: int) -> FloatArray:
     """(BLOCK, d) Sobol points that may land the lot, of those the ones that disperse it least."""
     space, lot = problem.space, problem.lot
-    points = space.core(sobol_points(space.dim, _POOL, problem.generator(stream, block)))
+    draws = sobol_points(space.dim, _POOL, problem.generator(stream, block))
+    points = space.core(draws)
     arrival = space.names.index(f"delay{space.n_pulses}")
     early, late = ARRIVAL
-    points[:, arrival] = space.coordinates[arrival].unit(early + points[:, arrival] * (late - early))
+    points[:, arrival] = space.coordinates[arrival].unit(early + draws[:, arrival] * (late - early))
     hold = space.names.index(f"volts{space.n_pulses}")
     low = min(lot.weak_hold_volts, 0.9 * space.scales.max_volts)
     high = min(max(lot.strong_hold_volts, low), space.scales.max_volts)
-    points[:, hold] = np.clip(space.coordinates[hold].unit(low + points[:, hold] * (high - low)), 0.0, 1.0)
+    points[:, hold] = np.clip(space.coordinates[hold].unit(low + draws[:, hold] * (high - low)), 0.0, 1.0)
     swing = free_swing(space.rows(points), lot)
     mean_switch = swing.reach[:, 0]
     violation = (

@@ -1,4 +1,4 @@
-"""Owns the skopt engine: a Gaussian process in a trust region, a pure function of the history. The only skopt import.
+"""Owns the skopt engine: a Gaussian process in a trust region, a pure function of the history.
 
 Composed from `skopt.learning` and `skopt.acquisition` rather than `skopt.Optimizer`, whose state lives across calls,
 whose `tell` refuses points outside its space, and whose `space_constraint` turns the acquisition search into plain
@@ -8,27 +8,20 @@ trust region around the incumbent and everywhere; see ADR 031, 034 and 035 for w
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.optimize import minimize
 from skopt.acquisition import gaussian_ei
-from skopt.learning import GaussianProcessRegressor
-from skopt.learning.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from threadpoolctl import threadpool_limits
 
 from softclose.propose.design import design_point
 from softclose.propose.protocol import Observation, Problem, Proposal, search_history
 from softclose.propose.sobol import sobol_points
+from softclose.propose.surrogate import SWING, SurrogateData, believe, collect, fit, surrogate_inputs, warped
 from softclose.propose.trust_region import DESIGN, GLOBAL, LOCAL, RESTART, TrustRegion, TrustRegionRules, replay
-from softclose.spaces import SpaceError
-from softclose.swing import FARTHEST, free_swing
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
@@ -39,9 +32,6 @@ POLISH = "finish-polish"
 DESCENT = 50
 """Candidates that a descent needs as a rule: with fewer left, the trust region opens again around the best instead."""
 
-SWING = ("reach", "dispersion", "x_last", "v_last")
-"""Names of the surrogate's inputs beyond the coordinates."""
-
 STEPS = (0.15, 0.06, 0.024)
 """Rounds of looking around the best candidates: standard deviations, in widths of the box."""
 
@@ -50,34 +40,6 @@ N_REFINED, N_AROUND = 5, 60
 
 N_FINAL = 8
 """Candidates that are mapped exactly, repair included, before one is chosen."""
-
-
-class _Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
-    """skopt's GP with a prediction whose cost is one triangular solve.
-
-    skopt's own contracts K* K⁻¹ K* with an unoptimised einsum: 120 ms for 3,000 points at n = 200, against 10 ms.
-    """
-
-    def predict(self, X: Any, return_std: bool = False, **options: Any) -> Any:
-        if not return_std or options or len(X) == 1:
-            return super().predict(X, return_std=return_std, **options)
-        cross = self.kernel_(X, self.X_train_)
-        mean = cross @ self.alpha_
-        half = solve_triangular(self.L_, cross.T, lower=True, check_finite=False)
-        variance = np.maximum(self.kernel_.diag(X) - np.einsum("ij,ij->j", half, half), 1e-18)
-        return mean, np.sqrt(variance)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Data:
-    """What the surrogate learns from: canonical points, its inputs there, g and the noise of g."""
-
-    points: FloatArray
-    inputs: FloatArray
-    g: FloatArray
-    se: FloatArray
-    origins: tuple[str, ...]
-    indices: NDArray[np.int64]
 
 
 class SkoptEngine:
@@ -96,7 +58,7 @@ def _propose(problem: Problem, index: int, history: Sequence[Observation], pendi
     place = index - problem.n_initial_waveforms
     if place < settings.n_initial:
         return _proposal(problem, design_point(problem, place), DESIGN)
-    data = _collect(problem, search_history(problem, history))
+    data = collect(problem, search_history(problem, history))
     if len(data.g) < 2:
         return _proposal(problem, design_point(problem, place), FALLBACK, note="fewer than two usable candidates")
     region = replay(data.g.tolist(), data.origins, _rules(problem))
@@ -122,7 +84,7 @@ def polish(
     problem: Problem, index: int, finished: Sequence[Observation], pending: Sequence[Waveform]
 ) -> FloatArray | None:
     """The next point of the finishing stage: a small trust region around its best record; None where it fails."""
-    data = _collect(problem, finished)
+    data = collect(problem, finished)
     if len(data.g) < 2:
         return None
     settings = problem.config.finish
@@ -163,102 +125,9 @@ def _rules(problem: Problem) -> TrustRegionRules:
     )
 
 
-def _collect(problem: Problem, history: Sequence[Observation]) -> _Data:
-    """The usable records that are points of the space; a failed candidate or one of another form teaches nothing."""
-    points, g, se, origins, indices = [], [], [], [], []
-    for o in history:
-        if not o.usable:
-            continue
-        try:
-            point = problem.space.coordinates_of(o.waveform)
-        except SpaceError:
-            continue
-        if not (np.isfinite(point).all() and np.all(np.abs(point - 0.5) <= 1.0)):
-            continue
-        points.append(point)
-        g.append(o.g_cm_s)
-        se.append(o.g_se_cm_s if np.isfinite(o.g_se_cm_s) else 0.0)
-        origins.append(o.origin)
-        indices.append(o.index)
-    table = np.array(points, dtype=np.float64).reshape(-1, problem.space.dim)
-    return _Data(
-        points=table,
-        inputs=_inputs(problem, table),
-        g=np.array(g),
-        se=np.array(se),
-        origins=tuple(origins),
-        indices=np.array(indices, dtype=np.int64),
-    )
-
-
-def _inputs(problem: Problem, points: FloatArray) -> FloatArray:
-    """(n, d + 4) what the surrogate sees: the coordinates, then reach and dispersion of the lot's free swing and the
-    state of the mean switch when the last pulse begins, each in about [0, 1]."""
-    swing = free_swing(problem.space.rows(points), problem.lot)
-    phase = np.clip(np.stack([swing.x, swing.v], axis=1) / (2.0 * FARTHEST) + 0.5, 0.0, 1.0)
-    return np.column_stack([points, swing.mean / FARTHEST, np.log(swing.sd + 0.01) / math.log(30.0) + 1.2, phase])
-
-
-def _warp(g: FloatArray, mode: str) -> tuple[FloatArray, float]:
-    """g in units in which its spread is about 1: what is far above the median says only "bad"."""
-    best, middle = float(g.min()), float(np.median(g))
-    if mode == "log":
-        scale = max(0.25 * (middle - best), 1e-3)
-        y = np.log1p((g - best) / scale)
-        unit = 1.0 / scale
-    else:
-        ceiling = middle + (middle - best) if mode == "clip" else np.inf
-        y = np.minimum(g, max(ceiling, best + 1e-3))
-        unit = 1.0
-    spread = max(float(y.std()), 1e-9)
-    return (y - y.mean()) / spread, unit / spread
-
-
-def _fit(
-    points: FloatArray,
-    y: FloatArray,
-    noise: FloatArray,
-    max_iterations: int,
-    centre: FloatArray | None = None,
-    n_fit: int = 200,
-) -> _Surrogate:
-    """Hyperparameters by maximum likelihood from a fixed start: nothing is carried over from earlier proposals."""
-    dim = points.shape[1]
-    kernel = ConstantKernel(1.0, (0.05, 50.0)) * Matern(
-        length_scale=np.full(dim, 0.5), length_scale_bounds=(0.05, 4.0), nu=2.5
-    ) + WhiteKernel(1e-3, (1e-6, 0.2))
-
-    centre_of_prior = np.log([1.0, *([0.5] * dim), 1e-3])
-    width_of_prior = np.array([1.0, *([0.8] * dim), 2.0])
-
-    def optimise(objective: Callable[..., Any], theta: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
-        def posterior(t: FloatArray) -> tuple[float, FloatArray]:
-            value, gradient = objective(t)
-            pull = (t - centre_of_prior) / width_of_prior
-            return float(value) + 0.5 * float(pull @ pull), gradient + pull / width_of_prior
-
-        found = minimize(
-            posterior, theta, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": max_iterations}
-        )
-        return found.x, float(found.fun)
-
-    if centre is None:
-        centre = points[int(np.argmin(y))]
-    near = np.argsort(((points - centre) ** 2).sum(axis=1), kind="stable")[:n_fit]
-    model = _Surrogate(kernel, alpha=noise[near] + 1e-8, optimizer=optimise, noise="gaussian")
-    model.fit(points[near], y[near])
-    if len(near) == len(points):
-        return model
-    hyper = model.kernel_
-    everything = _Surrogate(hyper, alpha=noise + float(model.noise_ or 0.0) + 1e-8, optimizer=None)
-    everything.fit(points, y)
-    everything.noise_ = model.noise_
-    return everything
-
-
 def _acquire(
     problem: Problem,
-    data: _Data,
+    data: SurrogateData,
     region: TrustRegion,
     pending: Sequence[Waveform],
     everywhere: bool,
@@ -266,17 +135,17 @@ def _acquire(
 ) -> tuple[FloatArray, dict[str, float]]:
     """Largest expected improvement over a few thousand admissible points, then around the best of them."""
     space, settings = problem.space, problem.config.optimiser
-    y, per_cm_s = _warp(data.g, settings.warp)
+    y, per_cm_s = warped(data.g, settings.warp)
     noise = settings.noise_share * (data.se * per_cm_s) ** 2
     nearest = region.incumbent if region.incumbent is not None else int(np.argmin(data.g))
     centre = data.points[nearest]
-    model = _fit(data.inputs, y, noise, settings.fit_iterations, data.inputs[nearest], settings.n_fit)
+    model = fit(data.inputs, y, noise, settings.fit_iterations, data.inputs[nearest], settings.n_fit)
     hyper = model.kernel_.get_params()
     names = (*space.names, *SWING)
     scales = np.broadcast_to(np.asarray(hyper["k1__k2__length_scale"], dtype=np.float64), (len(names),))
     beliefs = {f"length_scale_{name}": float(v) for name, v in zip(names, scales, strict=True)}
     beliefs |= {"noise": float(model.noise_ or 0.0), "amplitude": float(hyper["k1__k1__constant_value"])}
-    model = _believe(problem, model, data, y, noise, pending)
+    model = believe(problem, model, data, y, noise, pending)
 
     middle = np.clip(centre, 0.0, 1.0)
     low, high = (np.zeros(space.dim), np.ones(space.dim)) if everywhere else region.box(middle, scales[: space.dim])
@@ -295,7 +164,7 @@ def _acquire(
         points = points[fits]
         if not len(points):
             return points, np.zeros(0)
-        return points, np.asarray(gaussian_ei(_inputs(problem, points), model, target, xi=0.0))
+        return points, np.asarray(gaussian_ei(surrogate_inputs(problem, points), model, target, xi=0.0))
 
     candidates, score = admissible(candidates)
     if not len(candidates):
@@ -306,7 +175,7 @@ def _acquire(
         around, gain = admissible(np.clip(best + step_length * (high - low) * away, low, high))
         candidates, score = np.concatenate([candidates, around]), np.concatenate([score, gain])
     finals = np.array([space.canonical(c) for c in candidates[np.argsort(-score, kind="stable")[:N_FINAL]]])
-    inputs = _inputs(problem, finals)
+    inputs = surrogate_inputs(problem, finals)
     values = gaussian_ei(inputs, model, target, xi=0.0)
     distance = np.sqrt(((finals[:, None, :] - data.points[None]) ** 2).sum(axis=2)).min(axis=1)
     values = np.where(distance > 1e-7, values, -1.0)  # a point already evaluated would answer the same again
@@ -319,28 +188,3 @@ def _acquire(
         "trust_region_length": region.length,
     }
     return finals[chosen], beliefs
-
-
-def _believe(
-    problem: Problem, model: _Surrogate, data: _Data, y: FloatArray, noise: FloatArray, pending: Sequence[Waveform]
-) -> _Surrogate:
-    """Kriging believer: candidates in flight count as what the surrogate expects of them, with the same
-    hyperparameters."""
-    points = []
-    for waveform in pending:
-        try:
-            points.append(problem.space.unit(waveform, clip=True))
-        except SpaceError:
-            continue
-    if not points:
-        return model
-    lies = _inputs(problem, np.array(points))
-    expected = model.predict(lies)
-    kernel = model.kernel_  # its white noise was set to 0 by skopt after the fit
-    believer = _Surrogate(
-        kernel,
-        alpha=np.concatenate([noise, np.zeros(len(lies))]) + float(model.noise_ or 0.0) + 1e-8,
-        optimizer=None,
-    )
-    believer.fit(np.concatenate([data.inputs, lies]), np.concatenate([y, expected]))
-    return believer
