@@ -63,7 +63,10 @@ def with_seed(config: CampaignConfig, seed: int) -> CampaignConfig:
 def run_engine(
     config: CampaignConfig, engine: Engine | str, *, evaluator: Callable[..., Observation] = evaluate
 ) -> tuple[list[Observation], FloatArray, FloatArray]:
-    """A whole campaign in this process: its observations, (n,) times since the start and (n,) proposal times [s]."""
+    """A whole campaign in this process: its observations, (n,) times since the start and (n,) proposal times [s].
+
+    One candidate after the other, yet proposals see no more than they would with `campaign.lag` in flight.
+    """
     problem = Problem(config)
     search = load_engine(engine) if isinstance(engine, str) else engine
     finish = load_engine("finish")
@@ -79,7 +82,9 @@ def run_engine(
         if i < len(initial):
             proposal = Proposal(waveform=initial[i], origin="initial", n_switches=config.population.n_switches)
         else:
-            proposal = (search if i < config.campaign.budget else finish).propose(problem, i, history, ())
+            seen = history[: max(i - config.campaign.lag + 1, 0)]
+            pending = [o.waveform for o in history[len(seen) :]]
+            proposal = (search if i < config.campaign.budget else finish).propose(problem, i, seen, pending)
         spent.append(time.perf_counter() - asked)
         history.append(evaluator(problem, switches, i, proposal))
         wall.append(time.perf_counter() - begin)

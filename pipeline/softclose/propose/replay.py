@@ -11,6 +11,7 @@ import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cma
@@ -49,7 +50,7 @@ class Answers:
 
     def get(self, point: FloatArray) -> float | None:
         """The recorded g, None where there is none."""
-        return self.known(_key(self._space.waveform(point)))
+        return self.known(_key_at(self._space, np.asarray(point, dtype=np.float64).tobytes()))
 
     def known(self, key: bytes) -> float | None:
         """The recorded g of a waveform, by its key."""
@@ -59,6 +60,12 @@ class Answers:
 def _key(waveform: Waveform) -> bytes:
     # Stored float64 values come back bit for bit; the same point gives the same waveform.
     return waveform.rows().tobytes()
+
+
+@lru_cache(maxsize=32_768)
+def _key_at(space: Space, point: bytes) -> bytes:
+    """Key of the waveform at a unit point (its float64 bytes). A replay asks for the same points at every proposal."""
+    return _key(space.waveform(np.frombuffer(point)))
 
 
 def next_point(routine: Callable[[Callable[[FloatArray], float]], object], answers: Answers) -> FloatArray | None:
