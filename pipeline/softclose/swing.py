@@ -1,8 +1,8 @@
 """Owns the free swing of a lot: how far the finite pulses alone carry a few of its switches, before the last pulse.
 
-What the last pulse has to catch is decided by this swing: its reach, its dispersion over the lot, and where the mean
-switch is when the last pulse begins. It costs a few trajectories of Eq. 1 without contact, no ensemble, and serves as
-prior knowledge for the engines (ADR 034).
+What the last pulse has to catch is decided by this swing: its reach, and where each switch is, how fast, when the last
+pulse comes. It costs a few trajectories of Eq. 1 without contact, no ensemble, and serves as prior knowledge for the
+engines (ADR 034, 036).
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class Swing:
     """(n, m) largest travel of each switch of the lot, undamped and without contact, in its own contact distance D;
     at most FARTHEST."""
     x: FloatArray
-    """(n,) travel of the mean switch when the last pulse begins, in D."""
+    """(n, m) its travel at the instant asked for, in D."""
     v: FloatArray
-    """(n,) its velocity there, in ω·D."""
+    """(n, m) its velocity there, in ω·D."""
 
     @property
     def mean(self) -> FloatArray:
@@ -76,22 +76,28 @@ class Swing:
         """(n,) standard deviation of the reach over the lot."""
         return np.asarray(self.reach[:, 1:].std(axis=1))
 
+    @property
+    def scatter(self) -> FloatArray:
+        """(n,) root mean square distance of the lot's states (x, v) from their mean."""
+        return np.asarray(np.hypot(self.x[:, 1:].std(axis=1), self.v[:, 1:].std(axis=1)))
 
-def free_swing(rows: FloatArray, lot: Lot) -> Swing:
-    """rows: (n, n_pulse, 4) start, rise, peak [µs], volts; the last pulse gives only the instant at which it begins.
+
+def free_swing(rows: FloatArray, lot: Lot, *, instant_us: FloatArray) -> Swing:
+    """rows: (n, n_pulse, 4) start, rise, peak [µs], volts, of which the last pulse is left out; instant_us: (n,) when
+    the states are wanted.
 
     Eq. 1 by RK4 while the finite pulses act (64 steps a period or 8 in the shortest pulse), then in closed form.
     """
     rows = np.ascontiguousarray(rows, dtype=np.float64)
     reach = np.empty((len(rows), len(lot.devices)))
-    state = np.empty((len(rows), 2))
-    _swing(rows, lot.devices, FARTHEST, reach, state)
-    return Swing(reach=reach, x=state[:, 0], v=state[:, 1])
+    state = np.empty((len(rows), len(lot.devices), 2))
+    _swing(rows, np.ascontiguousarray(instant_us, dtype=np.float64), lot.devices, FARTHEST, reach, state)
+    return Swing(reach=reach, x=state[:, :, 0], v=state[:, :, 1])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _swing(rows, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
-    """Fills reach (n, m) and state (n, 2). Self-contained: compiled and cached code give the same bits."""
+def _swing(rows, instant, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
+    """Fills reach (n, m) and state (n, m, 2). Self-contained: compiled and cached code give the same bits."""
     n_finite = rows.shape[1] - 1
     shortest_period = 2.0 * math.pi / math.sqrt(lot[:, 3].max())
     for i in range(rows.shape[0]):
@@ -116,14 +122,13 @@ def _swing(rows, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
                 else:
                     u += rows[i, j, 3] * 0.5 * (1.0 + math.cos(math.pi * (since - rise - peak) / rise))
             square[s] = u * u
-        last = rows[i, n_finite, 0]
         for m in range(lot.shape[0]):
             travel, gap, c, k = lot[m, 0], lot[m, 1], lot[m, 2], lot[m, 3]
             limit = min(farthest * travel, 0.95 * gap)
-            x, v, largest, x_last, v_last, slammed = 0.0, 0.0, 0.0, 0.0, 0.0, False
+            x, v, largest, x_then, v_then, slammed = 0.0, 0.0, 0.0, 0.0, 0.0, False
             for s in range(n_steps):
-                if s * h <= last:
-                    x_last, v_last = x, v
+                if s * h <= instant[i]:
+                    x_then, v_then = x, v
                 f = c * square[2 * s]
                 a1 = f / (gap - x) ** 2 - k * x
                 x2, v2 = x + 0.5 * h * v, v + 0.5 * h * a1
@@ -145,10 +150,9 @@ def _swing(rows, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
                 reach[i, m] = farthest
             else:
                 reach[i, m] = min(max(largest, math.hypot(x, v / omega)) / travel, farthest)
-                if last >= end:
-                    angle = omega * (last - end)
-                    x_last = x * math.cos(angle) + v / omega * math.sin(angle)
-                    v_last = v * math.cos(angle) - x * omega * math.sin(angle)
-            if m == 0:
-                state[i, 0] = x_last / travel
-                state[i, 1] = v_last / (omega * travel)
+                if instant[i] >= end:
+                    angle = omega * (instant[i] - end)
+                    x_then = x * math.cos(angle) + v / omega * math.sin(angle)
+                    v_then = v * math.cos(angle) - x * omega * math.sin(angle)
+            state[i, m, 0] = x_then / travel
+            state[i, m, 1] = v_then / (omega * travel)

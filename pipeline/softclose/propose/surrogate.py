@@ -88,8 +88,9 @@ def collect(problem: Problem, history: Sequence[Observation]) -> SurrogateData:
 def surrogate_inputs(problem: Problem, points: FloatArray) -> FloatArray:
     """(n, d + 4) what the surrogate sees: the coordinates, then reach and dispersion of the lot's free swing and the
     state of the mean switch when the last pulse begins, each in about [0, 1]."""
-    swing = free_swing(problem.space.rows(points), problem.lot)
-    phase = np.clip(np.stack([swing.x, swing.v], axis=1) / (2.0 * FARTHEST) + 0.5, 0.0, 1.0)
+    rows = problem.space.rows(points)
+    swing = free_swing(rows, problem.lot, instant_us=rows[:, -1, 0])
+    phase = np.clip(np.stack([swing.x[:, 0], swing.v[:, 0]], axis=1) / (2.0 * FARTHEST) + 0.5, 0.0, 1.0)
     return np.column_stack([points, swing.mean / FARTHEST, np.log(swing.sd + 0.01) / math.log(30.0) + 1.2, phase])
 
 
