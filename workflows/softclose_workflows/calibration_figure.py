@@ -11,12 +11,10 @@ from softclose.population import UNITS
 
 
 def draw(calibration: Calibration, path: str | Path) -> None:
-    """Write the four panels. Raises MeasurementError where matplotlib is missing or the file cannot be written."""
-    try:
-        import matplotlib
-        from matplotlib.figure import Figure
-    except ImportError as e:
-        raise MeasurementError("a figure needs matplotlib: pip install 'softclose[figures]'") from e
+    """Write the four panels. Raises MeasurementError where the file cannot be written."""
+    import matplotlib  # here: it is slow to import
+    from matplotlib.figure import Figure
+
     style: Any = {"svg.hashsalt": "softclose", "font.size": 9, "axes.spines.top": False, "axes.spines.right": False}
     panels = calibration.panels()
     with matplotlib.rc_context(style):

@@ -98,11 +98,9 @@ def print_comparison(results: Sequence[Compared]) -> None:
 
 def draw(results: Sequence[Compared], path: str | Path) -> None:
     """Best g against evaluations and against time: median, and the range over the seeds."""
-    try:
-        import matplotlib
-        from matplotlib.figure import Figure
-    except ImportError as e:
-        raise ConfigError("a figure needs matplotlib: pip install 'softclose[figures]'") from e
+    import matplotlib  # here: it is slow to import
+    from matplotlib.figure import Figure
+
     style: Any = {"svg.hashsalt": "softclose", "font.size": 9, "axes.spines.top": False, "axes.spines.right": False}
     with matplotlib.rc_context(style):
         figure = Figure(figsize=(10, 4), layout="constrained")

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
 import numpy as np
 
 from softclose.objective import CM_S
@@ -23,12 +22,9 @@ BLUE, RED, GREY = "#1f5a94", "#c0392b", "#777777"
 
 
 def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
-    """Write every figure into folder and return their paths; none, and a message, where matplotlib is missing."""
-    try:
-        import matplotlib
-    except ImportError:
-        click.echo("no figures: matplotlib is not installed (pip install 'softclose[figures]')", err=True)
-        return []
+    """Write every figure into folder and return their paths."""
+    import matplotlib  # here: it is slow to import
+
     matplotlib.use("agg")
     folder.mkdir(parents=True, exist_ok=True)
     style: Any = {
