@@ -25,13 +25,14 @@ class EngineRun:
     engine: str
     seed: int
     best_g_cm_s: FloatArray
-    """(n,) best g after each evaluation [cm/s]."""
+    """(n,) best g after each evaluation [cm/s], among those on the largest ensemble so far; infinite before the
+    first."""
     wall_s: FloatArray
     """(n,) time since the start, simulation included [s]."""
     propose_s: FloatArray
     """(n,) time of each proposal [s]."""
     best: Observation
-    """The best candidate: of the finishing stage where there was one."""
+    """The best candidate on the largest ensemble: the finishing stage's where there was one."""
 
 
 def evaluate(problem: Problem, switches: FloatArray, index: int, proposal: Proposal) -> Observation:
@@ -99,13 +100,28 @@ def compare_engines(config: CampaignConfig, engines: Sequence[str], seeds: Seque
     for engine in engines:
         for seed in seeds:
             history, wall, spent = run_engine(with_seed(config, seed), engine)
-            g = np.array([o.g_cm_s if o.usable else np.inf for o in history])
-            last = history[config.campaign.budget :] or history
+            best = best_so_far(history)
+            if best[-1] is None:
+                raise ValueError(f"{engine}, seed {seed}: none of its candidates has an objective")
             yield EngineRun(
                 engine=engine,
                 seed=seed,
-                best_g_cm_s=np.minimum.accumulate(g),
+                best_g_cm_s=np.array([o.g_cm_s if o else np.inf for o in best]),
                 wall_s=wall,
                 propose_s=spent,
-                best=min((o for o in last if o.usable), key=lambda o: o.g_cm_s),
+                best=best[-1],
             )
+
+
+def best_so_far(history: Sequence[Observation]) -> list[Observation | None]:
+    """The best after each candidate, among those on the largest ensemble so far: a small one flatters its optimum."""
+    best: Observation | None = None
+    found = []
+    for o in history:
+        if o.usable and (
+            best is None or o.n_switches > best.n_switches
+            or (o.n_switches == best.n_switches and o.g_cm_s < best.g_cm_s)
+        ):  # fmt: skip
+            best = o
+        found.append(best)
+    return found
