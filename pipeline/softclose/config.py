@@ -182,7 +182,7 @@ class FinishSection:
     explore: Annotated[int, Field(ge=0, strict=True)] = 0
     """Of `budget`, candidates spent first on CMA-ES descents from fresh points, on the search's own ensemble."""
     n_descents: Count = 6
-    """Descents begun; the better half goes on after each third of `explore`."""
+    """Descents begun, the first from the best of the search; the better half goes on after each third of `explore`."""
     n_basins: Count = 8
     """Distinct basins of the search that are evaluated again, best first."""
     distance: Annotated[float, Field(gt=0, le=1)] = 0.1

@@ -25,9 +25,9 @@ _POOL = 4096
 LEAST_REACH, MOST_REACH = 0.35, 1.0
 """Mean switch: the finite pulses carry it a third of its travel at least, and do not close it by themselves."""
 
-ARRIVAL = (0.1, 0.45)
+ARRIVALS = ((0.1, 0.45), (1.1, 1.45))
 """Delay of the last pulse [periods]: it is half up when the plate turns, about a quarter of a period after the last
-kick, later where the field softens the spring."""
+kick, later where the field softens the spring; or when it turns for the second time."""
 
 COMPENSATION = (7.0 / 12.0, 11.0 / 12.0)
 """Delay between finite pulses [periods]. Together they carry to |1 + a·exp(iωτ)|, which grows with ω as -sin(ωτ): there
@@ -37,23 +37,28 @@ MOST_REACH_OF_LOT = 1.1
 """Every switch of the lot: hardly any is closed by the finite pulses alone."""
 
 
-def design_point(problem: Problem, place: int, stream: str = "initial") -> FloatArray:
-    """(d,) the point at `place` of the design `stream`, repaired to an admissible one."""
+def design_point(problem: Problem, place: int, stream: str = "initial", attempt: int = 0) -> FloatArray:
+    """(d,) the point at `place` of the design `stream`, repaired to an admissible one.
+
+    attempt: number of the descent that it is for. Every second one catches the plate at its second turn where two
+    pulses are all there is; the scatter that a third has taken out would be back by then.
+    """
     block, within = divmod(place, BLOCK)
+    turn = attempt % 2 if problem.space.n_pulses == 2 else 0
     known = problem.design_blocks
-    if (stream, block) not in known:
-        known[stream, block] = _block(problem, stream, block)
-    return problem.space.canonical(known[stream, block][within])
+    if (stream, block, turn) not in known:
+        known[stream, block, turn] = _block(problem, stream, block, turn)
+    return problem.space.canonical(known[stream, block, turn][within])
 
 
-def _block(problem: Problem, stream: str, block: int) -> FloatArray:
+def _block(problem: Problem, stream: str, block: int, turn: int) -> FloatArray:
     """(BLOCK, d) Sobol points that may land the lot, of those the ones that scatter it least."""
     space, lot = problem.space, problem.lot
     draws = sobol_points(space.dim, _POOL, problem.generator(stream, block))
     points = space.core(draws)
     for j in range(2, space.n_pulses + 1):
         delay = space.names.index(f"delay{j}")
-        early, late = ARRIVAL if j == space.n_pulses else COMPENSATION
+        early, late = ARRIVALS[turn] if j == space.n_pulses else COMPENSATION
         points[:, delay] = space.coordinates[delay].unit(early + draws[:, delay] * (late - early))
     hold = space.names.index(f"volts{space.n_pulses}")
     low = min(lot.weak_hold_volts, 0.9 * space.scales.max_volts)

@@ -139,10 +139,10 @@ def shares(explore: int, n_descents: int) -> tuple[Share, ...]:
 
 
 def _explore(problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]) -> Proposal:
-    """A step of one of several CMA-ES descents from fresh points; the better ones go on, the others end.
+    """A step of one of several CMA-ES descents; the better ones go on, the others end.
 
-    Basins are narrow and a descent ends in whichever it meets, so several are begun; the first few hundred candidates
-    tell which are worth finishing (ADR 033).
+    The first goes on from the search's best. Basins are narrow and a descent ends in whichever it meets, so the others
+    begin at fresh points; the first few hundred candidates tell which are worth finishing (ADR 033, 036).
     """
     settings, budget = problem.config.finish, problem.config.campaign.budget
     table = shares(min(settings.explore, settings.budget), settings.n_descents)
@@ -151,12 +151,14 @@ def _explore(problem: Problem, index: int, history: Sequence[Observation], pendi
     descent = owners[here]
     own = [share for share, who in zip(table[: here + 1], owners, strict=False) if who == descent]
     records = [o for share in own for o in history[budget + share.begin : budget + share.end]]
-    start = CmaStart(
-        point=tuple(_start(problem, descent, records).tolist()), sigma=DESCENT_SIGMA, population=GENERATION
-    )
+    begin = _search_best(problem, history) if descent == 0 else None
+    n_scouts = N_SCOUTS if begin is None else 0
+    if begin is None:
+        begin = _best_scout(problem, descent, records)
+    start = CmaStart(point=tuple(begin.tolist()), sigma=DESCENT_SIGMA, population=GENERATION)
     place = sum(min(share.end, index - budget) - share.begin for share in own)
-    if place < N_SCOUTS:
-        point = design_point(problem, descent * N_SCOUTS + place, "scout")
+    if place < n_scouts:
+        point = design_point(problem, descent * N_SCOUTS + place, "scout", descent)
     else:
         generator = partial(problem.generator, "descent", descent)
         identity = ("descent", problem.config.campaign.seed, descent)
@@ -170,11 +172,23 @@ def _explore(problem: Problem, index: int, history: Sequence[Observation], pendi
     )
 
 
-def _start(problem: Problem, descent: int, records: Sequence[Observation]) -> FloatArray:
+def _search_best(problem: Problem, history: Sequence[Observation]) -> FloatArray | None:
+    """The best point of the search, as far as the first candidate of the stage sees it; None where there is none."""
+    seen = history[: max(problem.config.campaign.budget - problem.config.campaign.lag + 1, 0)]
+    usable = [o for o in seen if o.usable]
+    if not usable:
+        return None
+    try:
+        return problem.space.unit(min(usable, key=lambda o: (o.g_cm_s, o.index)).waveform, clip=True)
+    except SpaceError:
+        return None
+
+
+def _best_scout(problem: Problem, descent: int, records: Sequence[Observation]) -> FloatArray:
     """The best of the descent's own scouts, points of the design."""
     scouts = [o.g_cm_s if o.usable else np.inf for o in records[:N_SCOUTS]]
     best = int(np.argmin(scouts)) if scouts else 0
-    return design_point(problem, descent * N_SCOUTS + best, "scout")
+    return design_point(problem, descent * N_SCOUTS + best, "scout", descent)
 
 
 def _owners(table: Sequence[Share], history: Sequence[Observation], begin: int, lag: int) -> list[int]:

@@ -111,8 +111,8 @@ class Problem:
         return Lot.of(self.population, plate_area_um2=self.config.model.plate_area_um2)
 
     @cached_property
-    def design_blocks(self) -> dict[tuple[str, int], NDArray[np.float64]]:
-        """Blocks of the design by stream and number, as far as they were asked for: a cache of a pure function."""
+    def design_blocks(self) -> dict[tuple[str, int, int], NDArray[np.float64]]:
+        """Blocks of the design by stream, number and turn, as far as asked for: a cache of a pure function."""
         return {}
 
     @property

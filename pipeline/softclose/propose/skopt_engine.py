@@ -64,7 +64,7 @@ def _propose(problem: Problem, index: int, history: Sequence[Observation], pendi
     region = replay(data.g.tolist(), data.origins, _rules(problem))
     since = index - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
     if region.begin and (since < settings.n_restart or region.incumbent is None):
-        return _proposal(problem, design_point(problem, since, f"again{region.restarts}"), RESTART)
+        return _proposal(problem, design_point(problem, since, f"again{region.restarts}", region.restarts), RESTART)
     everywhere = settings.global_every > 0 and (place - settings.n_initial) % settings.global_every == (
         settings.global_every - 1
     )
