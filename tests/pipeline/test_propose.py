@@ -225,3 +225,23 @@ def test_descents_continued_from_the_cache_propose_what_a_replay_from_the_start_
     cmaes_replay._descents.clear()
     monkeypatch.setattr(cmaes_replay, "_MOST_DESCENTS", 0)
     assert campaign() == with_cache
+
+
+@pytest.mark.parametrize("lag", [1, 3])
+def test_the_first_descent_goes_on_from_the_best_that_its_first_candidate_sees(lag: int) -> None:
+    """The newest records that a later candidate sees besides must not move the start of a descent under way."""
+    problem = Problem(load_config({
+        "campaign": {"seed": 5, "budget": 20, "lag": lag},
+        "population": {"n_switches": 50},
+        "optimiser": {"engine": "sobol"},
+        "finish": {"budget": 40, "explore": 40, "n_descents": 1},
+    }))  # fmt: skip
+    history, proposals = run(problem, "sobol", lag=lag)
+    best = min(history[: 20 - lag + 1], key=lambda o: o.g_cm_s)
+    start = problem.space.unit(best.waveform)
+    first = np.array([problem.space.unit(p.waveform, clip=True) for p in proposals[20:26]])
+    assert np.median(np.abs(first - start)) < 0.12
+    changed = [dataclasses.replace(o, g_cm_s=-1.0) if 20 - lag + 1 <= o.index < 20 else o for o in history[: 31 - lag]]
+    pending = [o.waveform for o in history[31 - lag : 30]]
+    again = load_engine("finish").propose(problem, 30, changed, pending)
+    assert again.waveform == proposals[30].waveform

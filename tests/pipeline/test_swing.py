@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from softclose.config import load_config
-from softclose.propose.design import BLOCK, COMPENSATION, design_point
+from softclose.propose.design import ARRIVALS, BLOCK, COMPENSATION, design_point
 from softclose.propose.protocol import Problem
 from softclose.swing import FARTHEST, Lot, Swing, free_swing
 from softclose.waveform import Waveform
@@ -125,3 +125,15 @@ def test_a_first_pulse_at_three_quarters_of_a_period_evens_the_reach_out() -> No
     early, late = COMPENSATION
     assert early <= best <= late
     assert min(relative) < 0.6 * relative[-1]
+
+
+def test_every_second_attempt_with_two_pulses_catches_the_second_turn() -> None:
+    for space, turns in (("two-pulse-full", 2), ("three-pulse-full", 1)):
+        p = problem(space=space)
+        last = p.space.names.index(f"delay{p.space.n_pulses}")
+        for attempt in range(3):
+            points = np.array([design_point(p, i, "again", attempt) for i in range(BLOCK)])
+            early, late = ARRIVALS[attempt % turns]
+            delay = p.space.coordinates[last].value(points[:, last])
+            # A hold that would begin before the kick begins with it, and is late then; repair may delay it too.
+            assert np.mean((delay > early - 1e-9) & (delay < late + 1e-9)) > 0.8
