@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from softclose_store import Campaign, open_campaign
 
-FIRST, BUDGET = 60, 120
+FIRST, BUDGET = 40, 80
 """The surrogate has FIRST points when the clock starts."""
 
 
@@ -39,7 +39,7 @@ def run(folder: Path, name: str, seed: int, lag: int, switches: int, initial: li
 
 def per_candidate(campaign: Campaign) -> float:
     """Seconds from commit to commit, mean over the candidates after FIRST."""
-    committed: NDArray[np.float64] = campaign.records["wall_committed_unix_s"]
+    committed: NDArray[np.float64] = campaign.records()["wall_committed_unix_s"]
     return float((committed[-1] - committed[FIRST]) / (len(committed) - 1 - FIRST))
 
 
@@ -63,7 +63,7 @@ def main() -> None:
                 proposed = run(folder, "proposed", seed, lag, options.switches, [])
                 waveforms: list[object] = [proposed.waveform(i).tolist() for i in range(BUDGET)]
                 given = run(folder, "given", seed, lag, options.switches, waveforms)
-                proposal = float(np.median(proposed.records["wall_propose_s"][FIRST:]))
+                proposal = float(np.median(proposed.records()["wall_propose_s"][FIRST:]))
                 measured[lag].append((per_candidate(proposed), per_candidate(given), proposal))
     for lag in lags:
         took, alone, proposal = np.median(measured[lag], axis=0)
