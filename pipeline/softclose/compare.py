@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from softclose.config import CampaignConfig
 from softclose.ensemble import simulate
 from softclose.objective import assess
-from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine
+from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine, seen_by
 
 FloatArray = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def run_engine(
         if i < len(initial):
             proposal = Proposal(waveform=initial[i], origin="initial", n_switches=config.population.n_switches)
         else:
-            seen = history[: max(i - config.campaign.lag + 1, 0)]
+            seen = seen_by(i, history, config.campaign.lag)
             pending = [o.waveform for o in history[len(seen) :]]
             proposal = (search if i < config.campaign.budget else finish).propose(problem, i, seen, pending)
         spent.append(time.perf_counter() - asked)

@@ -180,7 +180,7 @@ class FinishSection:
     n_switches: Count = 2000
     """Switches per candidate of the finishing stage."""
     explore: Annotated[int, Field(ge=0, strict=True)] = 0
-    """Of `budget`, candidates spent first on CMA-ES descents from fresh points, on the search's own ensemble."""
+    """Of `budget`, candidates spent first on CMA-ES descents, on the search's own ensemble."""
     n_descents: Count = 6
     """Descents begun, the first from the best of the search; the better half goes on after each third of `explore`."""
     n_basins: Count = 8

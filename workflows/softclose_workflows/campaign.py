@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from softclose.config import CampaignConfig
-from softclose.propose.protocol import Observation, Problem, Proposal
+from softclose.propose.protocol import Observation, Problem, Proposal, seen_by
 from softclose_store import DriverStore
 from softclose_workflows import records
 from softclose_workflows.errors import ChunkFailure, Stopped
@@ -95,7 +95,7 @@ class Campaign:
         started = time.monotonic()
         stored = self._store.proposal(i)
         if stored is None:
-            seen = self._history[: max(i - self.config.campaign.lag + 1, 0)]
+            seen = seen_by(i, self._history, self.config.campaign.lag)
             unseen = [o.waveform for o in self._history[len(seen) :]]
             unseen += [self._flights[j].proposal.waveform for j in sorted(self._flights)]
             proposal = self._proposer.propose(i, seen, unseen)

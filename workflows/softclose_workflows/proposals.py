@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from threadpoolctl import threadpool_limits
 
-from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine
+from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine, seen_by
 from softclose.waveform import Waveform, WaveformError
 
 
@@ -47,8 +47,8 @@ class Proposer:
 
     def from_history(self, i: int, history: Sequence[Observation]) -> Proposal:
         """Candidate i as it was proposed, from the records 0 … i - 1; of the newest `lag` - 1 only the waveforms."""
-        known = max(i - self._problem.config.campaign.lag + 1, 0)
-        return self.propose(i, history[:known], [o.waveform for o in history[known:i]])
+        seen = seen_by(i, history, self._problem.config.campaign.lag)
+        return self.propose(i, seen, [o.waveform for o in history[len(seen) : i]])
 
     def _engine(self, name: str) -> Engine:
         if name not in self._engines:

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
 from softclose.propose.design import design_point
-from softclose.propose.protocol import Observation, Problem, Proposal
+from softclose.propose.protocol import Observation, Problem, Proposal, seen_by
 from softclose.propose.replay import Answers, CmaStart, cma_points, next_point
 from softclose.spaces import SpaceError
 from softclose.waveform import Waveform
@@ -174,14 +174,9 @@ def _explore(problem: Problem, index: int, history: Sequence[Observation], pendi
 
 def _search_best(problem: Problem, history: Sequence[Observation]) -> FloatArray | None:
     """The best point of the search, as far as the first candidate of the stage sees it; None where there is none."""
-    seen = history[: max(problem.config.campaign.budget - problem.config.campaign.lag + 1, 0)]
-    usable = [o for o in seen if o.usable]
-    if not usable:
-        return None
-    try:
-        return problem.space.unit(min(usable, key=lambda o: (o.g_cm_s, o.index)).waveform, clip=True)
-    except SpaceError:
-        return None
+    seen = seen_by(problem.config.campaign.budget, history, problem.config.campaign.lag)
+    best = distinct_basins(problem, seen, 1, problem.config.finish.distance)
+    return problem.space.unit(best[0], clip=True) if best else None
 
 
 def _best_scout(problem: Problem, descent: int, records: Sequence[Observation]) -> FloatArray:

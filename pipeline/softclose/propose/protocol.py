@@ -177,6 +177,11 @@ def load_engine(name: str) -> Engine:
     raise EngineError(f"engine {name!r} is known, but its entry point is gone (optimiser.engine)")
 
 
+def seen_by(index: int, history: Sequence[Observation], lag: int) -> Sequence[Observation]:
+    """The records that candidate `index` may see: 0 … index - lag, however many more have come in."""
+    return history[: max(index - lag + 1, 0)]
+
+
 def search_history(problem: Problem, history: Sequence[Observation]) -> list[Observation]:
     """The records of the search itself, without those of the finishing stage."""
     return [o for o in history if o.index < problem.config.campaign.budget]

@@ -3,7 +3,7 @@
 Composed from `skopt.learning` and `skopt.acquisition` rather than `skopt.Optimizer`, whose state lives across calls,
 whose `tell` refuses points outside its space, and whose `space_constraint` turns the acquisition search into plain
 sampling. Method: Matérn-5/2 with one length scale per axis plus white noise; expected improvement, alternately in a
-trust region around the incumbent and everywhere; see ADR 031, 034 and 035 for what was measured.
+trust region around the incumbent and everywhere; see ADR 031 and 034 to 036 for what was measured.
 """
 
 from __future__ import annotations
