@@ -28,12 +28,14 @@ def main() -> None:
         {
             "campaign": {"budget": options.budget},
             "population": {
-                "name": options.population, "n_switches": options.n_switches, "sampling": options.sampling,
+                "name": options.population,
+                "n_switches": options.n_switches,
+                "sampling": options.sampling,
             },
             "waveform": {"space": options.space},
         },
         options.set,
-    )  # fmt: skip
+    )
     first, last = (int(v) for v in options.seeds.split("-"))
     marks = [n for n in (20, 50, 100, 150, 200, 300, 500, 1000) if n <= config.total_budget]
     print(f"{options.space}, {options.population}, N = {options.n_switches} {options.sampling}, seeds {options.seeds}")

@@ -142,9 +142,18 @@ def diffrax_peer() -> Callable[[FloatArray, Waveform], FloatArray]:
     def one(device: Any, rows: Any) -> Any:
         args = (device, rows)
         out = dfx.diffeqsolve(
-            dfx.ODETerm(field), dfx.Dopri8(), 0.0, HORIZON_US, 0.1, jnp.zeros(2), args, event=event,
-            stepsize_controller=controller, max_steps=4096, throw=False,
-        )  # fmt: skip
+            dfx.ODETerm(field),
+            dfx.Dopri8(),
+            0.0,
+            HORIZON_US,
+            0.1,
+            jnp.zeros(2),
+            args,
+            event=event,
+            stepsize_controller=controller,
+            max_steps=4096,
+            throw=False,
+        )
         return jnp.where(out.ts[-1] < HORIZON_US, out.ys[-1, 1], jnp.nan)
 
     batch = jax.jit(jax.vmap(one, in_axes=(0, None)))

@@ -38,10 +38,19 @@ WAVEFORMS = {
 def arrays(r: Responses) -> dict[str, Any]:
     """The arrays of the store's schema, as the workflow writes them."""
     return {
-        "max_contact_speed": r.max_contact_speed, "first_contact": r.first_contact_us, "settling": r.settling_us,
-        "n_impacts": r.n_impacts, "final_x": r.final_x, "final_v": r.final_v, "closed": r.closed, "status": r.status,
-        "impact_time": r.impact_time_us, "impact_speed": r.impact_speed, "x": r.x, "v": r.v,
-    }  # fmt: skip
+        "max_contact_speed": r.max_contact_speed,
+        "first_contact": r.first_contact_us,
+        "settling": r.settling_us,
+        "n_impacts": r.n_impacts,
+        "final_x": r.final_x,
+        "final_v": r.final_v,
+        "closed": r.closed,
+        "status": r.status,
+        "impact_time": r.impact_time_us,
+        "impact_speed": r.impact_speed,
+        "x": r.x,
+        "v": r.v,
+    }
 
 
 def create(path: Path, n_candidates: int, n_switches: int, times_us: np.ndarray[Any, Any]) -> None:
@@ -49,8 +58,14 @@ def create(path: Path, n_candidates: int, n_switches: int, times_us: np.ndarray[
     population = load_population("current")
     p = population.sample_parameters(n_switches, seed=1)
     s = population.sample(n_switches, seed=1)
-    layout = Layout(n_candidates=n_candidates, n_switches=n_switches, chunk_switches=n_switches, times_us=times_us,
-                    max_impacts=64, n_pulses=2)  # fmt: skip
+    layout = Layout(
+        n_candidates=n_candidates,
+        n_switches=n_switches,
+        chunk_switches=n_switches,
+        times_us=times_us,
+        max_impacts=64,
+        n_pulses=2,
+    )
     columns = {"D": p[:, 0], "G": p[:, 1], "E": p[:, 2], "T": p[:, 3], "K": s[:, 2], "M": s[:, 3]}
     create_campaign(path, layout=layout, config={"benchmark": n_switches}, population=columns)
 
@@ -77,17 +92,24 @@ def rates(folder: Path, n: int, repeats: int) -> None:
         times: dict[str, list[float]] = {"kernel": [], "store": [], "codec": []}
         for repeat in range(repeats):
             results: list[Responses] = []
-            times["kernel"].append(cpu(lambda w=waveform, out=results: out.append(  # type: ignore[misc]
-                simulate(switches, w, times_us=TIMES_US, dtype=np.float32, max_impacts=64))))  # fmt: skip
+            times["kernel"].append(
+                cpu(
+                    lambda w=waveform, out=results: out.append(  # type: ignore[misc]
+                        simulate(switches, w, times_us=TIMES_US, dtype=np.float32, max_impacts=64)
+                    )
+                )
+            )
             r = results[0]
             i = k * repeats + repeat
             times["store"].append(cpu(lambda i=i, r=r: write_chunk(path, i, 0, arrays(r), 1)))  # type: ignore[misc]
             times["codec"].append(cpu(lambda r=r: (codec.encode(r.x), codec.encode(r.v))))  # type: ignore[misc]
         kernel, store, share = (float(np.median(times[key])) / n * 1e6 for key in ("kernel", "store", "codec"))
         size = sum(f.stat().st_size for f in path.glob(f"*/c.{k * repeats}.*")) / n
-        print(f"{name:20} {r.closed.mean():6.2f} {kernel:7.2f} µs {store:7.2f} µs {share:7.2f} µs "
-              f"{1e6 / kernel:8,.0f}/s {1e6 / (kernel + store):8,.0f}/s {kernel / (kernel + store):10.0%} "
-              f"{size:10.0f}")  # fmt: skip
+        print(
+            f"{name:20} {r.closed.mean():6.2f} {kernel:7.2f} µs {store:7.2f} µs {share:7.2f} µs "
+            f"{1e6 / kernel:8,.0f}/s {1e6 / (kernel + store):8,.0f}/s {kernel / (kernel + store):10.0%} "
+            f"{size:10.0f}"
+        )
 
 
 RESUME = """
@@ -108,8 +130,13 @@ def resume(folder: Path, n_candidates: int) -> None:
     path = folder / "resume.zarr"
     n = 200
     create(path, n_candidates + 1, n, TIMES_US)
-    r = simulate(load_population("current").sample(n, seed=1), Waveform.from_rows(WAVEFORMS["near the optimum"]),
-                 times_us=TIMES_US, dtype=np.float32, max_impacts=64)  # fmt: skip
+    r = simulate(
+        load_population("current").sample(n, seed=1),
+        Waveform.from_rows(WAVEFORMS["near the optimum"]),
+        times_us=TIMES_US,
+        dtype=np.float32,
+        max_impacts=64,
+    )
     start = time.perf_counter()
     with DriverStore(path) as store:
         for i in range(n_candidates):

@@ -55,11 +55,14 @@ for column, (title, waveform, colour) in zip(axes.T, designs, strict=True):
     column[2].axvline(result.v_u_cm_s, color=INK, linewidth=1.0)
     at_left = result.v_u_cm_s > 30.0  # beside the histogram, not across the line
     column[2].text(
-        0.02 if at_left else 0.98, 0.95,
+        0.02 if at_left else 0.98,
+        0.95,
         f"nine in ten contacts below {result.v_u_cm_s:.1f} cm/s\nmean {result.mean_cm_s:.1f} cm/s\n"
         f"not closed at 250 µs: {result.p_nc:.1%}",
-        transform=column[2].transAxes, ha="left" if at_left else "right", va="top",
-    )  # fmt: skip
+        transform=column[2].transAxes,
+        ha="left" if at_left else "right",
+        va="top",
+    )
     column[2].set_xlabel("hardest impact of each switch [cm/s]")
     column[2].set_yticks([])
     print(

@@ -117,8 +117,14 @@ def configuration_page() -> str:
         cls = hints[section]
         source = _annotations(cls)
         docs = field_docs(cls)
-        lines += [f"## `[{section}]`", "", paragraphs(cls.__doc__), "", "| key | type | default | meaning |",
-                  "| --- | --- | --- | --- |"]  # fmt: skip
+        lines += [
+            f"## `[{section}]`",
+            "",
+            paragraphs(cls.__doc__),
+            "",
+            "| key | type | default | meaning |",
+            "| --- | --- | --- | --- |",
+        ]
         for field in dataclasses.fields(cls):
             columns = f"`{section}.{field.name}`", cell(kind(source[field.name])), toml_value(field.default)
             lines.append(f"| {' | '.join(columns)} | {cell(docs.get(field.name, ''))} |")
@@ -145,8 +151,13 @@ def kind(annotation: Any) -> str:
     if typing.get_origin(annotation) is typing.Annotated:
         annotation, *extras = typing.get_args(annotation)
         words = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-        bounds = [f"{words[n]} {getattr(m, n):g}" for e in extras for m in getattr(e, "metadata", ()) for n in words
-                  if hasattr(m, n)]  # fmt: skip
+        bounds = [
+            f"{words[n]} {getattr(m, n):g}"
+            for e in extras
+            for m in getattr(e, "metadata", ())
+            for n in words
+            if hasattr(m, n)
+        ]
         limits = ", ".join(["", *bounds]).replace("9.22337e+18", "2^63")
     if typing.get_origin(annotation) is typing.Literal:
         return "one of " + ", ".join(f"`{v}`" for v in typing.get_args(annotation))
@@ -230,8 +241,16 @@ def _public(name: str, value: Any, lines: list[str]) -> None:
                 lines += [f"- `{member}{_signature(found)}`: {cell(found.__doc__ or '')}"]
         lines.append("")
     elif callable(value):
-        lines += [f"### `{name}`", "", "```text", f"{name.rpartition('.')[2]}{_signature(value)}", "```", "",
-                  paragraphs(value.__doc__), ""]  # fmt: skip
+        lines += [
+            f"### `{name}`",
+            "",
+            "```text",
+            f"{name.rpartition('.')[2]}{_signature(value)}",
+            "```",
+            "",
+            paragraphs(value.__doc__),
+            "",
+        ]
     else:
         lines += [f"### `{name}`", "", f"`{value!r}`", ""]
 

@@ -27,12 +27,14 @@ for i in range(campaign.committed):
     speed = responses.impact_speed[...]  # (n_switches, max_impacts), NaN beyond the last
     energy = np.nansum(0.5 * mass[: len(speed), None] * speed**2 * (1 - restitution**2), axis=1)
     closed = responses.closed
-    rows.append({
-        "candidate": i,
-        "energy_90_nJ": np.quantile(energy[closed], 0.9) if closed.any() else np.nan,
-        "impacts_mean": responses.n_impacts.mean(),
-        "p_nc": 1 - closed.mean(),
-    })  # fmt: skip
+    rows.append(
+        {
+            "candidate": i,
+            "energy_90_nJ": np.quantile(energy[closed], 0.9) if closed.any() else np.nan,
+            "impacts_mean": responses.n_impacts.mean(),
+            "p_nc": 1 - closed.mean(),
+        }
+    )
 
 table = pd.DataFrame(rows).set_index("candidate").join(campaign.history()[["g_cm_s", "v_u_cm_s"]])
 table["rank_by_g"] = table["g_cm_s"].rank().astype(int)

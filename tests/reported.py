@@ -22,8 +22,9 @@ HOSTILE = "<script>alert(1)</script> %{x} & \u2028 {{ 7 * 7 }}"
 def hostile_store() -> str:
     """A finished campaign of eight candidates, three from the surrogate, with a hostile name. Read it only."""
     folder = Path(_SCRATCH.name)
-    return str(make_finished(folder / "hostile.zarr", "campaign.budget=8", "optimiser.n_initial=5",
-                             f"campaign.name={HOSTILE}"))  # fmt: skip
+    return str(
+        make_finished(folder / "hostile.zarr", "campaign.budget=8", "optimiser.n_initial=5", f"campaign.name={HOSTILE}")
+    )
 
 
 def empty_store(folder: Path) -> str:

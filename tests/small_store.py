@@ -16,9 +16,13 @@ RUNTIME = {"host": "here", "versions": {"zarr": "3"}}
 def layout(**changes: Any) -> Layout:
     """Ten switches in chunks of four: the last chunk is short."""
     sizes: dict[str, Any] = {
-        "n_candidates": 4, "n_switches": 10, "chunk_switches": 4, "times_us": np.linspace(0.0, 250.0, 11),
-        "max_impacts": 3, "n_pulses": 2,
-    }  # fmt: skip
+        "n_candidates": 4,
+        "n_switches": 10,
+        "chunk_switches": 4,
+        "times_us": np.linspace(0.0, 250.0, 11),
+        "max_impacts": 3,
+        "n_pulses": 2,
+    }
     return Layout(**(sizes | changes))
 
 
@@ -30,9 +34,13 @@ def population(n: int = 10) -> dict[str, NDArray[np.float64]]:
 def create(path: Any, config: dict[str, Any] | None = None, durable: bool = False, **changes: Any) -> Layout:
     sizes = layout(**changes)
     create_campaign(
-        path, layout=sizes, config=CONFIG if config is None else config, population=population(sizes.n_switches),
-        runtime=RUNTIME, durable=durable,
-    )  # fmt: skip
+        path,
+        layout=sizes,
+        config=CONFIG if config is None else config,
+        population=population(sizes.n_switches),
+        runtime=RUNTIME,
+        durable=durable,
+    )
     return sizes
 
 
@@ -67,9 +75,15 @@ def proposal(i: int, n_switches: int = 10) -> dict[str, Any]:
 
 def record(i: int) -> dict[str, Any]:
     return {
-        "failed": False, "failure": "", "g_cm_s": 30.0 - i if i != 3 else 29.5, "v_u_cm_s": 20.0, "mean_cm_s": 15.0,
-        "p_nc": 0.1, "p_exceed": np.array([0.2]), "wall_propose_s": 0.5,
-    }  # fmt: skip
+        "failed": False,
+        "failure": "",
+        "g_cm_s": 30.0 - i if i != 3 else 29.5,
+        "v_u_cm_s": 20.0,
+        "mean_cm_s": 15.0,
+        "p_nc": 0.1,
+        "p_exceed": np.array([0.2]),
+        "wall_propose_s": 0.5,
+    }
 
 
 def run_candidate(store: DriverStore, i: int, n_switches: int = 10) -> None:

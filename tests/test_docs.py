@@ -118,12 +118,20 @@ def run_shell(block: Block, launchers: Path, folder: Path) -> None:
     if not lines:
         return
     done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", "\n".join(lines)], capture_output=True, text=True, timeout=240, check=False,
-        cwd=folder, env=os.environ | {
-            "PATH": f"{launchers}:{os.environ['PATH']}", "MPLBACKEND": "Agg", "OMP_NUM_THREADS": "1",
+        ["bash", "-euo", "pipefail", "-c", "\n".join(lines)],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+        cwd=folder,
+        env=os.environ
+        | {
+            "PATH": f"{launchers}:{os.environ['PATH']}",
+            "MPLBACKEND": "Agg",
+            "OMP_NUM_THREADS": "1",
             "PYTHONPATH": os.pathsep.join(str(ROOT / part) for part in ("pipeline", "store", "workflows")),
         },
-    )  # fmt: skip
+    )
     assert done.returncode == 0, f"{block.where} exits {done.returncode}\n{done.stdout}\n{done.stderr}"
 
 

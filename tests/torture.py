@@ -27,9 +27,19 @@ from campaigns import command, run_arguments, softclose
 from stores import arrays_of, differences
 
 POINTS = (
-    "inside-creation", "before-proposal", "after-proposal", "inside-chunk-write", "after-chunk", "before-marker",
-    "after-marker", "before-record", "inside-record", "after-record", "before-commit", "after-commit",
-)  # fmt: skip
+    "inside-creation",
+    "before-proposal",
+    "after-proposal",
+    "inside-chunk-write",
+    "after-chunk",
+    "before-marker",
+    "after-marker",
+    "before-record",
+    "inside-record",
+    "after-record",
+    "before-commit",
+    "after-commit",
+)
 """The durability steps of `softclose_store.faults`."""
 
 IN_WORKERS = {"inside-chunk-write": 39, "after-chunk": 3, "before-marker": 3, "after-marker": 3}

@@ -46,10 +46,21 @@ def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
 
 
 def run(
-    switches: FloatArray, waveform: Waveform, *, horizon_us: float, restitution: float, plate_area_um2: float,
-    rtol: float, times_us: FloatArray, method: str, threads: int, max_impacts: int, dtype: type[Any],
-    v_stick: float, max_steps: int,
-) -> KernelOutput:  # fmt: skip
+    switches: FloatArray,
+    waveform: Waveform,
+    *,
+    horizon_us: float,
+    restitution: float,
+    plate_area_um2: float,
+    rtol: float,
+    times_us: FloatArray,
+    method: str,
+    threads: int,
+    max_impacts: int,
+    dtype: type[Any],
+    v_stick: float,
+    max_steps: int,
+) -> KernelOutput:
     """Integrate every switch. Inputs are valid already (`ensemble.simulate`). Each switch is computed on its own."""
     n = len(switches)
     pieces, n_ramps, ramps = _pieces.flatten(waveform, horizon_us)
@@ -75,9 +86,25 @@ def run(
 
     def work(lo: int, hi: int) -> None:
         block(
-            lo, hi, table, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps, times_us, out.metrics,
-            out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed, *samples,
-        )  # fmt: skip
+            lo,
+            hi,
+            table,
+            pieces,
+            n_ramps,
+            ramps,
+            restitution,
+            v_stick,
+            rtol,
+            max_steps,
+            times_us,
+            out.metrics,
+            out.n_impacts,
+            out.closed,
+            out.status,
+            out.impact_time,
+            out.impact_speed,
+            *samples,
+        )
 
     threads = min(threads, n)
     if threads <= 1:

@@ -73,9 +73,13 @@ def _dense(stages, component, y0, y1, h, theta):  # type: ignore[no-untyped-def]
     r3 = h * k1 - diff
     r4 = diff - h * k7 - r3
     r5 = h * (
-        -12715105075 / 11282082432 * k1 + 87487479700 / 32700410799 * k3 - 10690763975 / 1880347072 * k4
-        + 701980252875 / 199316789632 * k5 - 1453857185 / 822651844 * k6 + 69997945 / 29380423 * k7
-    )  # fmt: skip
+        -12715105075 / 11282082432 * k1
+        + 87487479700 / 32700410799 * k3
+        - 10690763975 / 1880347072 * k4
+        + 701980252875 / 199316789632 * k5
+        - 1453857185 / 822651844 * k6
+        + 69997945 / 29380423 * k7
+    )
     other = 1.0 - theta
     return y0 + theta * (diff + other * (r3 + theta * (r4 + other * r5)))
 
@@ -114,9 +118,24 @@ def _contact(stages, x0, x1, v0, v1, h, travel):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _run_switch(  # type: ignore[no-untyped-def]
-    travel, gap, c, k, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
-    times, x_out, v_out, impact_time, impact_speed, stages,
-):  # fmt: skip
+    travel,
+    gap,
+    c,
+    k,
+    pieces,
+    n_ramps,
+    ramps,
+    restitution,
+    v_stick,
+    rtol,
+    max_steps,
+    times,
+    x_out,
+    v_out,
+    impact_time,
+    impact_speed,
+    stages,
+):
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows."""
     t, x, v = 0.0, 0.0, 0.0
     v_max, first, settled = math.nan, math.inf, math.inf
@@ -208,9 +227,26 @@ def _run_switch(  # type: ignore[no-untyped-def]
 def _build(source: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, error_model="numpy")
     def run_block(  # type: ignore[no-untyped-def]
-        lo, hi, devices, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
-        times, metrics, n_impacts, closed, status, impact_time, impact_speed, x_out, v_out,
-    ):  # fmt: skip
+        lo,
+        hi,
+        devices,
+        pieces,
+        n_ramps,
+        ramps,
+        restitution,
+        v_stick,
+        rtol,
+        max_steps,
+        times,
+        metrics,
+        n_impacts,
+        closed,
+        status,
+        impact_time,
+        impact_speed,
+        x_out,
+        v_out,
+    ):
         """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k); outputs are rows of whole arrays."""
         if source < 0:  # never: closes over the fingerprint, see _source.py
             return
@@ -219,10 +255,24 @@ def _build(source: int) -> Callable[..., None]:
             row = i if impact_time.shape[1] > 0 else 0
             out = i if times.shape[0] > 0 else 0
             v_max, first, settled, n, x, v, held, code = _run_switch(
-                devices[i, 0], devices[i, 1], devices[i, 2], devices[i, 3], pieces, n_ramps, ramps,
-                restitution, v_stick, rtol, max_steps, times, x_out[out], v_out[out],
-                impact_time[row], impact_speed[row], stages,
-            )  # fmt: skip
+                devices[i, 0],
+                devices[i, 1],
+                devices[i, 2],
+                devices[i, 3],
+                pieces,
+                n_ramps,
+                ramps,
+                restitution,
+                v_stick,
+                rtol,
+                max_steps,
+                times,
+                x_out[out],
+                v_out[out],
+                impact_time[row],
+                impact_speed[row],
+                stages,
+            )
             metrics[0, i] = v_max
             metrics[1, i] = first
             metrics[2, i] = settled

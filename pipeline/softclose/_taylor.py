@@ -29,7 +29,7 @@ from softclose._series import (
     flight_driven,
     flight_time,
     sample,
-)  # fmt: skip
+)
 from softclose._source import fingerprint
 
 WORK_LIMIT = 1
@@ -148,9 +148,27 @@ def _symmetric_flight(w, longest, travel, gap, c, k, u, tolerance, near, max_ste
 
 @njit(error_model="numpy", inline="always")
 def _run_switch(  # type: ignore[no-untyped-def]
-    travel, gap, c, k, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
-    times, row, x64, v64, x32, v32, event_row, impact_time, impact_speed,
-):  # fmt: skip
+    travel,
+    gap,
+    c,
+    k,
+    pieces,
+    n_ramps,
+    ramps,
+    restitution,
+    v_stick,
+    rtol,
+    max_steps,
+    times,
+    row,
+    x64,
+    v64,
+    x32,
+    v32,
+    event_row,
+    impact_time,
+    impact_speed,
+):
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows."""
     tolerance = _SAFETY * rtol
     near = 0.3 * math.sqrt(rtol)
@@ -272,9 +290,28 @@ def _run_switch(  # type: ignore[no-untyped-def]
 def _build(source: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, error_model="numpy", **_UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
-        lo, hi, devices, pieces, n_ramps, ramps, restitution, v_stick, rtol, max_steps,
-        times, metrics, n_impacts, closed, status, impact_time, impact_speed, x64, v64, x32, v32,
-    ):  # fmt: skip
+        lo,
+        hi,
+        devices,
+        pieces,
+        n_ramps,
+        ramps,
+        restitution,
+        v_stick,
+        rtol,
+        max_steps,
+        times,
+        metrics,
+        n_impacts,
+        closed,
+        status,
+        impact_time,
+        impact_speed,
+        x64,
+        v64,
+        x32,
+        v32,
+    ):
         """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k), each on its own; outputs are rows of whole arrays.
 
         Samples go to x64 and v64, or to x32 and v32 where those have no columns: one compiled variant for both, so the
@@ -286,10 +323,27 @@ def _build(source: int) -> Callable[..., None]:
             row = i if times.shape[0] > 0 else 0
             event_row = i if impact_time.shape[1] > 0 else 0
             v_max, first, settled, n, x, v, held, code = _run_switch(
-                devices[i, 0], devices[i, 1], devices[i, 2], devices[i, 3], pieces, n_ramps, ramps,
-                restitution, v_stick, rtol, max_steps, times, row, x64, v64, x32, v32,
-                event_row, impact_time, impact_speed,
-            )  # fmt: skip
+                devices[i, 0],
+                devices[i, 1],
+                devices[i, 2],
+                devices[i, 3],
+                pieces,
+                n_ramps,
+                ramps,
+                restitution,
+                v_stick,
+                rtol,
+                max_steps,
+                times,
+                row,
+                x64,
+                v64,
+                x32,
+                v32,
+                event_row,
+                impact_time,
+                impact_speed,
+            )
             metrics[0, i] = v_max
             metrics[1, i] = first
             metrics[2, i] = settled

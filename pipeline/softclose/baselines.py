@@ -80,9 +80,13 @@ def deterministic_design(
     def miss(unknowns: FloatArray) -> FloatArray:
         peak_us, arrival_us = max(float(unknowns[0]), 0.0), max(float(unknowns[1]), lead_us + 1e-3)
         end = simulate(
-            free[None], design(peak_us, arrival_us), horizon_us=arrival_us, plate_area_um2=plate_area_um2,
-            rtol=_RTOL, max_volts=math.inf,
-        )  # fmt: skip
+            free[None],
+            design(peak_us, arrival_us),
+            horizon_us=arrival_us,
+            plate_area_um2=plate_area_um2,
+            rtol=_RTOL,
+            max_volts=math.inf,
+        )
         return np.array([end.final_x[0] - switch[0], end.final_v[0]])
 
     from scipy.optimize import root

@@ -116,9 +116,14 @@ def calibrate(
         if np.ptp(column) <= 1e-9 * column.mean():
             raise MeasurementError(f"{v} is the same for all devices; a distribution needs values that differ")
         fits[v] = fit(
-            column, KINDS[v], bounds=bounds.get(v), n_bootstrap=n_bootstrap, confidence=confidence, seed=seed,
+            column,
+            KINDS[v],
+            bounds=bounds.get(v),
+            n_bootstrap=n_bootstrap,
+            confidence=confidence,
+            seed=seed,
             stream=stream,
-        )  # fmt: skip
+        )
         if fits[v].p_value < 0.05:
             notes.append(
                 f"{v} is poorly described by a {KINDS[v]} distribution (Cramér-von Mises p = {fits[v].p_value:.3f})"

@@ -40,20 +40,40 @@ def evaluate(problem: Problem, switches: FloatArray, index: int, proposal: Propo
     config = problem.config
     o, m = config.objective, config.model
     response = simulate(
-        switches[: proposal.n_switches], proposal.waveform, horizon_us=m.horizon_us, restitution=m.restitution,
-        plate_area_um2=m.plate_area_um2, rtol=config.compute.rtol, method=config.compute.method,
+        switches[: proposal.n_switches],
+        proposal.waveform,
+        horizon_us=m.horizon_us,
+        restitution=m.restitution,
+        plate_area_um2=m.plate_area_um2,
+        rtol=config.compute.rtol,
+        method=config.compute.method,
         max_volts=config.waveform.max_volts,
-    )  # fmt: skip
+    )
     a = assess(
-        response, c1_cm_s=o.c1_cm_s, level=o.level, limits_cm_s=o.limits_cm_s, sampling=config.population.sampling,
-        form=o.form, p_max=o.p_max if o.form == "chance" else None, min_contact=o.min_contact,
-        undefined_v_u_cm_s=o.undefined_v_u_cm_s, confidence=o.confidence,
-    )  # fmt: skip
+        response,
+        c1_cm_s=o.c1_cm_s,
+        level=o.level,
+        limits_cm_s=o.limits_cm_s,
+        sampling=config.population.sampling,
+        form=o.form,
+        p_max=o.p_max if o.form == "chance" else None,
+        min_contact=o.min_contact,
+        undefined_v_u_cm_s=o.undefined_v_u_cm_s,
+        confidence=o.confidence,
+    )
     return Observation(
-        index=index, waveform=proposal.waveform, origin=proposal.origin, n_switches=proposal.n_switches,
-        g_cm_s=a.g_cm_s, g_se_cm_s=a.g_se_cm_s, v_u_cm_s=a.v_u_cm_s, mean_cm_s=a.mean_cm_s, p_nc=a.p_nc,
-        p_contact=a.p_contact, failed=False,
-    )  # fmt: skip
+        index=index,
+        waveform=proposal.waveform,
+        origin=proposal.origin,
+        n_switches=proposal.n_switches,
+        g_cm_s=a.g_cm_s,
+        g_se_cm_s=a.g_se_cm_s,
+        v_u_cm_s=a.v_u_cm_s,
+        mean_cm_s=a.mean_cm_s,
+        p_nc=a.p_nc,
+        p_contact=a.p_contact,
+        failed=False,
+    )
 
 
 def with_seed(config: CampaignConfig, seed: int) -> CampaignConfig:
@@ -119,9 +139,10 @@ def best_so_far(history: Sequence[Observation]) -> list[Observation | None]:
     found = []
     for o in history:
         if o.usable and (
-            best is None or o.n_switches > best.n_switches
+            best is None
+            or o.n_switches > best.n_switches
             or (o.n_switches == best.n_switches and o.g_cm_s < best.g_cm_s)
-        ):  # fmt: skip
+        ):
             best = o
         found.append(best)
     return found

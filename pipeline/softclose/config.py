@@ -324,9 +324,16 @@ def known_keys() -> dict[str, tuple[str, ...]]:
 
 
 _SECTIONS = (
-    CampaignSection, PopulationSection, ModelSection, WaveformSection, ObjectiveSection,
-    OptimiserSection, FinishSection, ComputeSection, StoreSection,
-)  # fmt: skip
+    CampaignSection,
+    PopulationSection,
+    ModelSection,
+    WaveformSection,
+    ObjectiveSection,
+    OptimiserSection,
+    FinishSection,
+    ComputeSection,
+    StoreSection,
+)
 
 
 def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> CampaignConfig:

@@ -113,10 +113,20 @@ def simulate(
     times = np.zeros(0) if times_us is None else _check_times(times_us, horizon)
     n_events = _count("max_impacts", max_impacts, 0)
     out = _kernel.run(
-        table, waveform, horizon_us=horizon, restitution=eta, plate_area_um2=area, rtol=tolerance, times_us=times,
-        method=method, threads=_count("threads", threads, 1), max_impacts=n_events, dtype=dtype, v_stick=stick,
+        table,
+        waveform,
+        horizon_us=horizon,
+        restitution=eta,
+        plate_area_um2=area,
+        rtol=tolerance,
+        times_us=times,
+        method=method,
+        threads=_count("threads", threads, 1),
+        max_impacts=n_events,
+        dtype=dtype,
+        v_stick=stick,
         max_steps=_count("max_steps", max_steps, 1),
-    )  # fmt: skip
+    )
     sampled, n = times_us is not None, len(table)
     return Responses(
         max_contact_speed=out.metrics[0],

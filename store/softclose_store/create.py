@@ -116,9 +116,13 @@ def population_columns(population: Mapping[str, ArrayLike], n: int) -> dict[str,
 
 
 def build_hierarchy(
-    layout: Layout, config: Mapping[str, Any], fingerprint: str, population: Mapping[str, NDArray[np.float64]],
-    runtime: Mapping[str, Any], durable: bool,
-) -> dict[str, bytes]:  # fmt: skip
+    layout: Layout,
+    config: Mapping[str, Any],
+    fingerprint: str,
+    population: Mapping[str, NDArray[np.float64]],
+    runtime: Mapping[str, Any],
+    durable: bool,
+) -> dict[str, bytes]:
     """The whole empty hierarchy in memory: key -> bytes."""
     buffers: dict[str, Buffer] = {}
     memory = MemoryStore(buffers)
@@ -126,12 +130,16 @@ def build_hierarchy(
     static = dict(_static_arrays(layout, population))
     for name, (dims, values, unit, long_name) in static.items():
         array = group.create_array(
-            name, shape=values.shape, chunks=tuple(max(1, min(n, STATIC_CHUNK)) for n in values.shape),
-            dtype="str" if values.dtype.kind == "T" else values.dtype, dimension_names=dims,
+            name,
+            shape=values.shape,
+            chunks=tuple(max(1, min(n, STATIC_CHUNK)) for n in values.shape),
+            dtype="str" if values.dtype.kind == "T" else values.dtype,
+            dimension_names=dims,
             compressors=[fast_codec(), Crc32cCodec()] if values.dtype.kind == "f" else [Crc32cCodec()],
             fill_value="" if values.dtype.kind == "T" else 0,
-            attributes={"units": unit, "long_name": long_name}, chunk_key_encoding=KEYS,
-        )  # fmt: skip
+            attributes={"units": unit, "long_name": long_name},
+            chunk_key_encoding=KEYS,
+        )
         array[...] = values
     for spec in (*layout.switch_arrays, *CANDIDATE_ARRAYS, MARKER):
         _create_array(group, layout, spec)
@@ -192,17 +200,30 @@ def _create_array(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
         # Scalars cost 40 bytes a switch at most: compressing them would save little and cost time.
         compressors = [fast_codec(), Crc32cCodec()] if rest else [Crc32cCodec()]
         group.create_array(
-            spec.name, shape=shape, chunks=chunks, shards=None if chunks == shards else shards, dtype=spec.dtype,
-            compressors=compressors, fill_value=spec.fill, dimension_names=spec.dims, attributes=attributes,
+            spec.name,
+            shape=shape,
+            chunks=chunks,
+            shards=None if chunks == shards else shards,
+            dtype=spec.dtype,
+            compressors=compressors,
+            fill_value=spec.fill,
+            dimension_names=spec.dims,
+            attributes=attributes,
             chunk_key_encoding=KEYS,
-        )  # fmt: skip
+        )
         return
     chunks = (1, 1, *shape[2:]) if spec.role == "marker" else (layout.record_chunk, *shape[1:])
     group.create_array(
-        spec.name, shape=shape, chunks=chunks, dtype=spec.dtype, compressors=[Crc32cCodec()], fill_value=spec.fill,
-        dimension_names=spec.dims, attributes=attributes,
-            chunk_key_encoding=KEYS,
-    )  # fmt: skip
+        spec.name,
+        shape=shape,
+        chunks=chunks,
+        dtype=spec.dtype,
+        compressors=[Crc32cCodec()],
+        fill_value=spec.fill,
+        dimension_names=spec.dims,
+        attributes=attributes,
+        chunk_key_encoding=KEYS,
+    )
 
 
 def _appear(target: Path, hierarchy: Mapping[str, bytes], durable: bool) -> None:
@@ -309,9 +330,12 @@ def store_state(path: StorePath) -> StoreState:
         return StoreState(kind="foreign", config={}, problem=str(e))
     attributes = root.attributes
     return StoreState(
-        kind="campaign", n_committed=root.n_committed, budget=int(attributes["layout"]["n_candidates"]),
-        fingerprint=root.fingerprint, config=attributes["config"],
-    )  # fmt: skip
+        kind="campaign",
+        n_committed=root.n_committed,
+        budget=int(attributes["layout"]["n_candidates"]),
+        fingerprint=root.fingerprint,
+        config=attributes["config"],
+    )
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

@@ -33,9 +33,13 @@ class DriverStore:
     """
 
     def __init__(
-        self, path: StorePath, *, expected_fingerprint: str | None = None, break_lock: bool = False,
+        self,
+        path: StorePath,
+        *,
+        expected_fingerprint: str | None = None,
+        break_lock: bool = False,
         tolerate_damage: bool = False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.path = normalised(path)
         self._plain = open_files(path, read_only=True)
         root = read_root(self._plain, self.path)

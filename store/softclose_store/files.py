@@ -84,8 +84,12 @@ class LocalFiles(LocalStore):
     async def set(self, key: str, value: Buffer) -> None:
         """Replace a key by a whole new file."""
         self._check_writable()
-        write_file(os.path.join(self.root, key), value.as_buffer_like(), durable=self.durable,
-                   fault="inside-chunk-write" if self.blind and is_chunk_key(key) else "")  # fmt: skip
+        write_file(
+            os.path.join(self.root, key),
+            value.as_buffer_like(),
+            durable=self.durable,
+            fault="inside-chunk-write" if self.blind and is_chunk_key(key) else "",
+        )
 
 
 def write_file(path: str, content: Any, *, durable: bool, fault: str = "") -> None:

@@ -118,15 +118,19 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
             raise StoreError(f"array {key} of group {name} is of type {values.dtype}; it must be numbers or text")
         is_text = values.dtype.kind == "T"
         stored = result.create_array(
-            key, shape=values.shape, chunks=tuple(max(1, min(n, 65_536)) for n in values.shape),
-            dtype="str" if is_text else values.dtype, dimension_names=array.dims,
+            key,
+            shape=values.shape,
+            chunks=tuple(max(1, min(n, 65_536)) for n in values.shape),
+            dtype="str" if is_text else values.dtype,
+            dimension_names=array.dims,
             # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
             config={"write_empty_chunks": True},
             fill_value="" if is_text else np.zeros((), values.dtype)[()],
-            compressors=[Crc32cCodec()] if is_text or values.ndim == 0
+            compressors=[Crc32cCodec()]
+            if is_text or values.ndim == 0
             else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
             attributes={"units": array.unit, "long_name": array.long_name},
-        )  # fmt: skip
+        )
         stored[...] = values
     contents = {key: value.to_bytes() for key, value in buffers.items()}
     own = f"{name}/zarr.json"

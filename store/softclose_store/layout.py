@@ -117,20 +117,32 @@ def _interval_specs(name: str, dims: str, meaning: str) -> list[ArraySpec]:
 def _candidate_specs() -> list[ArraySpec]:
     c, cl = "candidate", "candidate limit"
     specs = [
-        _spec("proposal", "waveform", "candidate pulse parameter", "f8", "µs or V",
-              "pulses of the waveform; a peak of inf holds, rows of NaN are absent"),
+        _spec(
+            "proposal",
+            "waveform",
+            "candidate pulse parameter",
+            "f8",
+            "µs or V",
+            "pulses of the waveform; a peak of inf holds, rows of NaN are absent",
+        ),
         _spec("proposal", "n_switches", c, "i4", "1", "switches that the candidate is evaluated on"),
         _spec("proposal", "origin", c, "str", "1", "who proposed the candidate"),
         _spec("proposal", "note", c, "str", "1", "why something unusual was done"),
-        _spec("proposal", "surrogate", "candidate hyperparameter", "f8", "1",
-              "what the surrogate believed; named by surrogate_name"),
+        _spec(
+            "proposal",
+            "surrogate",
+            "candidate hyperparameter",
+            "f8",
+            "1",
+            "what the surrogate believed; named by surrogate_name",
+        ),
         _spec("proposal", "surrogate_name", "candidate hyperparameter", "str", "1", "names of the surrogate's values"),
         _spec("digest", "proposal_digest", c, "u8", "1", "xxh3 of the proposal; 0: not proposed"),
         _spec("record", "failed", c, "bool", "1", "no usable result exists"),
         _spec("record", "failure", c, "str", "1", "why the candidate failed"),
         _spec("record", "feasible", c, "bool", "1", "p_nc is at most its limit (always true in the penalty form)"),
         _spec("record", "n_failed_switches", c, "i4", "1", "switches that could not be integrated"),
-    ]  # fmt: skip
+    ]
     for name, meaning in (
         ("g", "objective g, Eq. 10"),
         ("v_u", "upper velocity, Eqs. 8-9"),
@@ -189,8 +201,13 @@ class Layout:
     """Contact speeds for which P(V > limit) is stored [cm/s]."""
 
     def __post_init__(self) -> None:
-        for name, least in (("n_candidates", 1), ("n_switches", 1), ("chunk_switches", 1), ("max_impacts", 0),
-                            ("n_pulses", 1)):  # fmt: skip
+        for name, least in (
+            ("n_candidates", 1),
+            ("n_switches", 1),
+            ("chunk_switches", 1),
+            ("max_impacts", 0),
+            ("n_pulses", 1),
+        ):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
                 raise LayoutError(f"{name} is {value!r}; it must be an integer of at least {least}")
@@ -263,11 +280,17 @@ class Layout:
     def sizes(self) -> dict[str, int]:
         """Length of every dimension, at full capacity."""
         return {
-            "candidate": self.n_candidates, "switch": self.n_switches, "time": self.times_us.size,
-            "impact": self.max_impacts, "pulse": self.n_pulses, "parameter": len(PARAMETERS),
-            "limit": len(self.limits_cm_s), "hyperparameter": N_SURROGATE, "chunk": self.n_chunks,
+            "candidate": self.n_candidates,
+            "switch": self.n_switches,
+            "time": self.times_us.size,
+            "impact": self.max_impacts,
+            "pulse": self.n_pulses,
+            "parameter": len(PARAMETERS),
+            "limit": len(self.limits_cm_s),
+            "hyperparameter": N_SURROGATE,
+            "chunk": self.n_chunks,
             "array": len(self.marker_names),
-        }  # fmt: skip
+        }
 
     def shape(self, spec: ArraySpec) -> tuple[int, ...]:
         """Shape at full capacity."""
@@ -276,16 +299,21 @@ class Layout:
     def to_dict(self) -> dict[str, Any]:
         """Plain values for the root's attributes; the time grid is an array of its own."""
         return {
-            "n_candidates": self.n_candidates, "n_switches": self.n_switches, "chunk_switches": self.chunk_switches,
-            "n_times": int(self.times_us.size), "max_impacts": self.max_impacts, "n_pulses": self.n_pulses,
+            "n_candidates": self.n_candidates,
+            "n_switches": self.n_switches,
+            "chunk_switches": self.chunk_switches,
+            "n_times": int(self.times_us.size),
+            "max_impacts": self.max_impacts,
+            "n_pulses": self.n_pulses,
             "limits_cm_s": list(self.limits_cm_s),
-        }  # fmt: skip
+        }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], times_us: NDArray[np.float64]) -> Layout:
         """The inverse of `to_dict`."""
-        values = {name: data[name] for name in ("n_candidates", "n_switches", "chunk_switches", "max_impacts",
-                                                "n_pulses")}  # fmt: skip
+        values = {
+            name: data[name] for name in ("n_candidates", "n_switches", "chunk_switches", "max_impacts", "n_pulses")
+        }
         return cls(**values, times_us=times_us, limits_cm_s=tuple(data["limits_cm_s"]))
 
 

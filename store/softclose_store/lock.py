@@ -49,9 +49,13 @@ class Holder:
         except (KeyError, OSError):
             user = "?"
         return cls(
-            host=socket.gethostname(), pid=os.getpid(), started=process_start(os.getpid()), boot=boot_id(), user=user,
+            host=socket.gethostname(),
+            pid=os.getpid(),
+            started=process_start(os.getpid()),
+            boot=boot_id(),
+            user=user,
             since=datetime.now(UTC).isoformat(timespec="seconds"),
-        )  # fmt: skip
+        )
 
     @classmethod
     def parse(cls, text: bytes | None) -> Holder | None:

@@ -238,10 +238,15 @@ class Campaign:
             return None
         i = int(np.argmin(np.where(usable, records["g_cm_s"], np.inf)))
         return Best(
-            candidate=i, g_cm_s=float(records["g_cm_s"][i]), v_u_cm_s=float(records["v_u_cm_s"][i]),
-            mean_cm_s=float(records["mean_cm_s"][i]), p_nc=float(records["p_nc"][i]), n_switches=int(sizes[i]),
-            waveform=self.waveform(i), record={name: column[i] for name, column in records.items()},
-        )  # fmt: skip
+            candidate=i,
+            g_cm_s=float(records["g_cm_s"][i]),
+            v_u_cm_s=float(records["v_u_cm_s"][i]),
+            mean_cm_s=float(records["mean_cm_s"][i]),
+            p_nc=float(records["p_nc"][i]),
+            n_switches=int(sizes[i]),
+            waveform=self.waveform(i),
+            record={name: column[i] for name, column in records.items()},
+        )
 
     def waveform(self, i: int) -> FloatArray:
         """(n_pulse, 4) float64: start, rise, peak [µs] (inf where it holds) and volts."""
@@ -258,8 +263,9 @@ class Campaign:
             import pandas
         except ImportError:
             return columns
-        plain = {name: column.astype(object) if column.dtype.kind == "T" else column
-                 for name, column in columns.items()}  # fmt: skip
+        plain = {
+            name: column.astype(object) if column.dtype.kind == "T" else column for name, column in columns.items()
+        }
         return pandas.DataFrame(plain, index=pandas.RangeIndex(self.committed, name="candidate"))
 
     def trajectories(self, i: int) -> Trajectories:
@@ -276,13 +282,17 @@ class Campaign:
         """Per-switch results of candidate i."""
         self._check(i)
         has_impacts = "impact_time" in self._root.metadata
-        scalars = {name: self._rows(name, i)[...] for name in ("max_contact_speed", "n_impacts", "final_x", "final_v",
-                                                                "closed", "status")}  # fmt: skip
+        scalars = {
+            name: self._rows(name, i)[...]
+            for name in ("max_contact_speed", "n_impacts", "final_x", "final_v", "closed", "status")
+        }
         return StoredResponses(
-            **scalars, first_contact_us=self._rows("first_contact", i)[...], settling_us=self._rows("settling", i)[...],
+            **scalars,
+            first_contact_us=self._rows("first_contact", i)[...],
+            settling_us=self._rows("settling", i)[...],
             impact_time_us=self._rows("impact_time", i) if has_impacts else None,
             impact_speed=self._rows("impact_speed", i) if has_impacts else None,
-        )  # fmt: skip
+        )
 
     def population(self) -> dict[str, FloatArray]:
         """The whole ensemble: D, G [µm], E [GPa], T [µm], K [N/m], M [µg], (n_switches,) each."""

@@ -79,8 +79,13 @@ class Report:
     @property
     def damaged_chunks(self) -> list[tuple[int, int]]:
         """(candidate, chunk) to be computed again, in order."""
-        return sorted({(p.candidate, p.chunk) for p in self.problems
-                       if p.kind == "chunk" and p.candidate is not None and p.chunk is not None})  # fmt: skip
+        return sorted(
+            {
+                (p.candidate, p.chunk)
+                for p in self.problems
+                if p.kind == "chunk" and p.candidate is not None and p.chunk is not None
+            }
+        )
 
     @property
     def damaged_records(self) -> list[int]:
@@ -119,9 +124,12 @@ def verify(path: StorePath, *, on_chunk: Callable[[int, int], None] | None = Non
             _check_candidates(check, root, layout)
         _check_files(check, keys, layout, root.n_committed)
     return Report(
-        path=where, n_committed=0 if root is None else root.n_committed, n_chunks=check.n_chunks,
-        problems=tuple(check.problems), orphans=tuple(key for key in keys if key.endswith(PARTIAL)),
-    )  # fmt: skip
+        path=where,
+        n_committed=0 if root is None else root.n_committed,
+        n_chunks=check.n_chunks,
+        problems=tuple(check.problems),
+        orphans=tuple(key for key in keys if key.endswith(PARTIAL)),
+    )
 
 
 def _check_root(check: _Check) -> Root | None:

@@ -45,8 +45,12 @@ def test_an_independent_integrator_arrives_at_the_contact_with_no_speed() -> Non
     for a, b in itertools.pairwise([*waveform.breakpoints(arrival), arrival]):
         state = solve_ivp(
             lambda t, y: [y[1], c * (waveform.voltage(t) / (gap - y[0])) ** 2 - k * y[0]],
-            (a, b), state, method="DOP853", rtol=1e-11, atol=1e-13,
-        ).y[:, -1]  # fmt: skip
+            (a, b),
+            state,
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-13,
+        ).y[:, -1]
     assert state[0] == pytest.approx(travel, abs=1e-7)
     assert abs(state[1]) < SOFT_UM_PER_US
 

@@ -27,10 +27,18 @@ class Recorder:
 
 def observation(index: int, g: float, n_switches: int, *, failed: bool = False) -> Observation:
     return Observation(
-        index=index, waveform=Waveform.from_rows([(0.0, 4.0, float("inf"), 100.0)]), origin="sobol",
-        n_switches=n_switches, g_cm_s=g, g_se_cm_s=0.1, v_u_cm_s=g, mean_cm_s=g, p_nc=0.0, p_contact=1.0,
+        index=index,
+        waveform=Waveform.from_rows([(0.0, 4.0, float("inf"), 100.0)]),
+        origin="sobol",
+        n_switches=n_switches,
+        g_cm_s=g,
+        g_se_cm_s=0.1,
+        v_u_cm_s=g,
+        mean_cm_s=g,
+        p_nc=0.0,
+        p_contact=1.0,
         failed=failed,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("lag", [1, 3])
@@ -45,9 +53,14 @@ def test_an_engine_sees_what_it_would_see_with_that_many_candidates_in_flight(la
 
 def test_the_best_is_one_on_the_largest_ensemble() -> None:
     records = [
-        observation(0, 9.0, 100, failed=True), observation(1, 20.0, 100), observation(2, 14.0, 100),
-        observation(3, 16.0, 4096), observation(4, 13.0, 100), observation(5, 15.0, 4096), observation(6, 17.0, 4096),
-    ]  # fmt: skip
+        observation(0, 9.0, 100, failed=True),
+        observation(1, 20.0, 100),
+        observation(2, 14.0, 100),
+        observation(3, 16.0, 4096),
+        observation(4, 13.0, 100),
+        observation(5, 15.0, 4096),
+        observation(6, 17.0, 4096),
+    ]
     assert [o.index if o else None for o in best_so_far(records)] == [None, 1, 2, 3, 3, 5, 5]
 
 

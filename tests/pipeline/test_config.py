@@ -98,5 +98,13 @@ def test_the_automatic_chunk_size_is_written_out() -> None:
 
 def test_every_section_documents_its_keys() -> None:
     assert set(known_keys()) == {
-        "campaign", "population", "model", "waveform", "objective", "optimiser", "finish", "compute", "store",
-    }  # fmt: skip
+        "campaign",
+        "population",
+        "model",
+        "waveform",
+        "objective",
+        "optimiser",
+        "finish",
+        "compute",
+        "store",
+    }

@@ -23,8 +23,21 @@ def history(of: Problem, n: int = 60) -> list[Observation]:
         waveform = of.space.waveform(point)
         at = of.space.coordinates_of(waveform)[j]
         g = 20.0 + 40.0 * (at - 0.6) ** 2
-        found.append(Observation(index=i, waveform=waveform, origin="sobol", n_switches=100, g_cm_s=g, g_se_cm_s=0.1,
-                                 v_u_cm_s=g, mean_cm_s=g, p_nc=0.0, p_contact=1.0, failed=False))  # fmt: skip
+        found.append(
+            Observation(
+                index=i,
+                waveform=waveform,
+                origin="sobol",
+                n_switches=100,
+                g_cm_s=g,
+                g_se_cm_s=0.1,
+                v_u_cm_s=g,
+                mean_cm_s=g,
+                p_nc=0.0,
+                p_contact=1.0,
+                failed=False,
+            )
+        )
     return found
 
 

@@ -83,8 +83,15 @@ def mixed_ensemble() -> tuple[np.ndarray, Waveform]:
 
 def assert_same_bits(a, b, rows=slice(None)):
     for name in (
-        "max_contact_speed", "first_contact_us", "settling_us", "closed", "n_impacts", "final_x", "final_v", "status",
-    ):  # fmt: skip
+        "max_contact_speed",
+        "first_contact_us",
+        "settling_us",
+        "closed",
+        "n_impacts",
+        "final_x",
+        "final_v",
+        "status",
+    ):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name)[rows], err_msg=name)
 
 

@@ -33,8 +33,11 @@ def pull_in_voltage(switch: np.ndarray) -> float:
 
 switches = st.builds(
     lambda d, g, k, m: np.array([d, g, k, m]),
-    st.floats(1.8, 2.8), st.floats(3.6, 4.4), st.floats(45.0, 90.0), st.floats(2.8, 4.2),
-)  # fmt: skip
+    st.floats(1.8, 2.8),
+    st.floats(3.6, 4.4),
+    st.floats(45.0, 90.0),
+    st.floats(2.8, 4.2),
+)
 
 
 @st.composite

@@ -11,9 +11,16 @@ from hypothesis.extra.numpy import arrays
 from softclose.pareto import pareto_front
 
 
-@given(st.integers(1, 30).flatmap(lambda n: st.tuples(*[
-    arrays(np.float64, n, elements=st.one_of(st.just(np.nan), st.integers(0, 6).map(float))) for _ in range(2)
-])))  # fmt: skip
+@given(
+    st.integers(1, 30).flatmap(
+        lambda n: st.tuples(
+            *[
+                arrays(np.float64, n, elements=st.one_of(st.just(np.nan), st.integers(0, 6).map(float)))
+                for _ in range(2)
+            ]
+        )
+    )
+)
 def test_the_front_is_exactly_what_nothing_else_beats(pair):
     v, p = pair
     front = set(pareto_front(v, p).tolist())

@@ -22,13 +22,17 @@ ENGINES = ("sobol", "skopt", "cmaes", "direct", "paper")
 
 
 def problem_of(engine="skopt", budget=24, finish=0, **optimiser):
-    return Problem(load_config({
-        "campaign": {"seed": 5, "budget": budget},
-        "population": {"n_switches": 50},
-        "waveform": {"space": SPACE_OF.get(engine, "two-pulse-full")},
-        "optimiser": {"engine": engine, "n_initial": 8, "n_candidates": 128} | optimiser,
-        "finish": {"budget": finish, "n_switches": 100, "n_basins": 3},
-    }))  # fmt: skip
+    return Problem(
+        load_config(
+            {
+                "campaign": {"seed": 5, "budget": budget},
+                "population": {"n_switches": 50},
+                "waveform": {"space": SPACE_OF.get(engine, "two-pulse-full")},
+                "optimiser": {"engine": engine, "n_initial": 8, "n_candidates": 128} | optimiser,
+                "finish": {"budget": finish, "n_switches": 100, "n_basins": 3},
+            }
+        )
+    )
 
 
 def observe(problem, i, proposal, *, failed=False):
@@ -41,9 +45,18 @@ def observe(problem, i, proposal, *, failed=False):
         g = 85.0
     g = math.nan if failed else g
     return Observation(
-        index=i, waveform=w, origin=proposal.origin, n_switches=proposal.n_switches, g_cm_s=g, g_se_cm_s=0.5,
-        v_u_cm_s=g, mean_cm_s=g, p_nc=0.0, p_contact=min(1.0, w.pulses[0].peak_us / 10.0), failed=failed,
-    )  # fmt: skip
+        index=i,
+        waveform=w,
+        origin=proposal.origin,
+        n_switches=proposal.n_switches,
+        g_cm_s=g,
+        g_se_cm_s=0.5,
+        v_u_cm_s=g,
+        mean_cm_s=g,
+        p_nc=0.0,
+        p_contact=min(1.0, w.pulses[0].peak_us / 10.0),
+        failed=failed,
+    )
 
 
 def run(problem, engine, *, failing=(), lag=1):
@@ -213,12 +226,16 @@ def test_descents_share_the_candidates_and_the_better_half_goes_on() -> None:
 @pytest.mark.parametrize("lag", [1, 3])
 def test_descents_continued_from_the_cache_propose_what_a_replay_from_the_start_proposes(lag, monkeypatch):
     def campaign():
-        problem = Problem(load_config({
-            "campaign": {"seed": 5, "budget": 2, "lag": lag},
-            "population": {"n_switches": 50},
-            "optimiser": {"engine": "sobol"},
-            "finish": {"budget": 260, "explore": 260, "n_descents": 2},
-        }))  # fmt: skip
+        problem = Problem(
+            load_config(
+                {
+                    "campaign": {"seed": 5, "budget": 2, "lag": lag},
+                    "population": {"n_switches": 50},
+                    "optimiser": {"engine": "sobol"},
+                    "finish": {"budget": 260, "explore": 260, "n_descents": 2},
+                }
+            )
+        )
         return [p.waveform for p in run(problem, "sobol", lag=lag)[1]]
 
     with_cache = campaign()
@@ -230,12 +247,16 @@ def test_descents_continued_from_the_cache_propose_what_a_replay_from_the_start_
 @pytest.mark.parametrize("lag", [1, 3])
 def test_the_first_descent_goes_on_from_the_best_that_its_first_candidate_sees(lag: int) -> None:
     """The newest records that a later candidate sees besides must not move the start of a descent under way."""
-    problem = Problem(load_config({
-        "campaign": {"seed": 5, "budget": 20, "lag": lag},
-        "population": {"n_switches": 50},
-        "optimiser": {"engine": "sobol"},
-        "finish": {"budget": 40, "explore": 40, "n_descents": 1},
-    }))  # fmt: skip
+    problem = Problem(
+        load_config(
+            {
+                "campaign": {"seed": 5, "budget": 20, "lag": lag},
+                "population": {"n_switches": 50},
+                "optimiser": {"engine": "sobol"},
+                "finish": {"budget": 40, "explore": 40, "n_descents": 1},
+            }
+        )
+    )
     history, proposals = run(problem, "sobol", lag=lag)
     best = min(history[: 20 - lag + 1], key=lambda o: o.g_cm_s)
     start = problem.space.unit(best.waveform)

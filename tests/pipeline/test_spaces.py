@@ -28,10 +28,16 @@ def test_scales_are_those_of_the_printed_mean_switch():
     assert force == pytest.approx(65.3 * 2.43e-6, rel=1e-9)
 
 
-@pytest.mark.parametrize(("name", "dim"), [
-    ("two-pulse-paper", 4), ("two-pulse-full", 6), ("two-pulse-release", 7),
-    ("three-pulse-full", 10), ("three-pulse-release", 11),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "dim"),
+    [
+        ("two-pulse-paper", 4),
+        ("two-pulse-full", 6),
+        ("two-pulse-release", 7),
+        ("three-pulse-full", 10),
+        ("three-pulse-release", 11),
+    ],
+)
 def test_every_parameter_of_every_pulse_is_free(name, dim):
     space = space_of(name)
     assert space.dim == dim
@@ -42,8 +48,12 @@ def test_every_parameter_of_every_pulse_is_free(name, dim):
 
 
 @settings(max_examples=60, deadline=None)
-@given(data=st.data(), name=st.sampled_from(sorted(SPACES)), volts=st.sampled_from([90.0, 120.0, 150.0]),
-       switch=st.sampled_from([CURRENT, MODIFIED]))  # fmt: skip
+@given(
+    data=st.data(),
+    name=st.sampled_from(sorted(SPACES)),
+    volts=st.sampled_from([90.0, 120.0, 150.0]),
+    switch=st.sampled_from([CURRENT, MODIFIED]),
+)
 def test_every_point_of_the_cube_is_admissible_and_round_trips(data, name, volts, switch):
     space = space_of(name, switch, max_volts=volts)
     point = data.draw(st.lists(st.floats(0.0, 1.0), min_size=space.dim, max_size=space.dim))
@@ -94,8 +104,13 @@ def test_another_form_is_refused_with_what_was_expected():
 
 
 @settings(max_examples=200, deadline=None)
-@given(data=st.data(), n_pulses=st.sampled_from([2, 3]), holds=st.booleans(),
-       switch=st.sampled_from([CURRENT, MODIFIED]), volts=st.sampled_from([90.0, 150.0]))  # fmt: skip
+@given(
+    data=st.data(),
+    n_pulses=st.sampled_from([2, 3]),
+    holds=st.booleans(),
+    switch=st.sampled_from([CURRENT, MODIFIED]),
+    volts=st.sampled_from([90.0, 150.0]),
+)
 def test_every_admissible_waveform_is_a_point_of_the_full_space(data, n_pulses, holds, switch, volts):
     horizon = 250.0
     kind = "full" if holds else "release"

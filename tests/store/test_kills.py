@@ -135,8 +135,14 @@ def test_behind_a_url_a_dead_holder_on_this_host_is_recognised_and_any_other_mus
     create(url)
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    holder = {"host": socket.gethostname() if host == "here" else host, "pid": dead.pid, "started": "1", "boot": "",
-              "user": "ann", "since": "2026-01-01"}  # fmt: skip
+    holder = {
+        "host": socket.gethostname() if host == "here" else host,
+        "pid": dead.pid,
+        "started": "1",
+        "boot": "",
+        "user": "ann",
+        "since": "2026-01-01",
+    }
     write_key(open_files(url, read_only=False), LOCK_KEY, json.dumps(holder).encode())
     if refused:
         with pytest.raises(LockedError, match="ann on elsewhere, since 2026-01-01"):

@@ -24,11 +24,15 @@ JSON = st.recursive(
 
 @SETTINGS
 @given(
-    n_switches=st.integers(1, 9), chunk_switches=st.integers(1, 9), data=st.data(),
-    x=hnp.arrays(np.float32, (9, 11), elements=st.floats(width=32)), origin=TEXT, failure=TEXT,
+    n_switches=st.integers(1, 9),
+    chunk_switches=st.integers(1, 9),
+    data=st.data(),
+    x=hnp.arrays(np.float32, (9, 11), elements=st.floats(width=32)),
+    origin=TEXT,
+    failure=TEXT,
     surrogate=st.dictionaries(TEXT.filter(bool), st.floats(), max_size=4),
     g=st.floats(),
-)  # fmt: skip
+)
 def test_any_values_come_back_bit_for_bit(n_switches, chunk_switches, data, x, origin, failure, surrogate, g):
     used = data.draw(st.integers(1, n_switches))
     with tempfile.TemporaryDirectory() as folder:

@@ -41,8 +41,16 @@ def test_xarray_alone_gives_labelled_arrays_with_dimensions_coordinates_and_unit
     assert data.p_exceed.sel(limit=19.7).shape == (3,)
     named = ("x", "v", "time", "g_cm_s", "max_contact_speed", "D", "K", "M")
     units = {name: data[name].attrs["units"] for name in named}
-    assert units == {"x": "µm", "v": "µm/µs", "time": "µs", "g_cm_s": "cm/s", "max_contact_speed": "µm/µs", "D": "µm",
-                     "K": "N/m", "M": "µg"}  # fmt: skip
+    assert units == {
+        "x": "µm",
+        "v": "µm/µs",
+        "time": "µs",
+        "g_cm_s": "cm/s",
+        "max_contact_speed": "µm/µs",
+        "D": "µm",
+        "K": "N/m",
+        "M": "µg",
+    }
     assert all(variable.attrs["long_name"] for variable in data.variables.values())
     dtypes = {name: str(data[name].dtype) for name in ("closed", "status", "n_impacts", "x", "final_x")}
     assert dtypes == {"closed": "bool", "status": "int8", "n_impacts": "int32", "x": "float32", "final_x": "float64"}
@@ -56,8 +64,21 @@ def test_no_array_needs_pickles_or_objects(path):
         assert array.dtype != object, name
     for file in path.rglob("*"):
         if file.is_file():
-            with pytest.raises((pickle.UnpicklingError, ValueError, KeyError, EOFError, IndexError, AttributeError,
-                                ImportError, OverflowError, UnicodeDecodeError, TypeError, MemoryError)):  # fmt: skip
+            with pytest.raises(
+                (
+                    pickle.UnpicklingError,
+                    ValueError,
+                    KeyError,
+                    EOFError,
+                    IndexError,
+                    AttributeError,
+                    ImportError,
+                    OverflowError,
+                    UnicodeDecodeError,
+                    TypeError,
+                    MemoryError,
+                )
+            ):
                 pickle.loads(file.read_bytes())
 
 

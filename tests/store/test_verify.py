@@ -29,8 +29,15 @@ def finished(tmp_path_factory):
     path = tmp_path_factory.mktemp("finished") / "a.zarr"
     create(path, n_candidates=2, n_switches=5, chunk_switches=4)
     run_all(path)
-    write_group(path, "certification/one", {"speed": GroupArray(dims=("switch",), values=np.arange(9.0), unit="cm/s"),
-                                            "name": GroupArray(dims=("k",), values=["a", "µ"])}, {"n": 9})  # fmt: skip
+    write_group(
+        path,
+        "certification/one",
+        {
+            "speed": GroupArray(dims=("switch",), values=np.arange(9.0), unit="cm/s"),
+            "name": GroupArray(dims=("k",), values=["a", "µ"]),
+        },
+        {"n": 9},
+    )
     return path
 
 
@@ -149,9 +156,23 @@ def test_repair_writes_every_kind_of_damage_again_and_proves_it(finished, tmp_pa
     saved = {file: file.read_bytes() for file in files_of(finished)}
     rng = random.Random(11)
     data = [f for f in saved if "certification" not in str(f) and not f.parent.name.startswith("wall_")]
-    special = [finished / name for name in ("zarr.json", "x/zarr.json", "chunk_digest/root.json", "runtime/zarr.json",
-                                            "D/c.0", "time/c.0", "waveform/c.0.0.0", "n_switches/c.0", "failed/c.0",
-                                            "chunk_digest/c.1.0.0", "x/c.0.1.0", "record_digest/c.0")]  # fmt: skip
+    special = [
+        finished / name
+        for name in (
+            "zarr.json",
+            "x/zarr.json",
+            "chunk_digest/root.json",
+            "runtime/zarr.json",
+            "D/c.0",
+            "time/c.0",
+            "waveform/c.0.0.0",
+            "n_switches/c.0",
+            "failed/c.0",
+            "chunk_digest/c.1.0.0",
+            "x/c.0.1.0",
+            "record_digest/c.0",
+        )
+    ]
     for file in [*special, *rng.sample(data, 8)]:
         damage(file, rng.choice(["flip", "truncate", "delete", "append"]), rng)
         assert not verify(finished).ok
@@ -197,8 +218,16 @@ def test_a_repair_that_computes_something_else_is_refused_and_changes_nothing(fi
         return arrays | {"v": arrays["v"] + np.float32(1e-6)}
 
     with pytest.raises(DamageError, match="is not what was stored"):
-        repair(finished, Recompute(population=wrong.population, times_us=wrong.times_us, proposal=wrong.proposal,
-                                   chunk=other, record=wrong.record))  # fmt: skip
+        repair(
+            finished,
+            Recompute(
+                population=wrong.population,
+                times_us=wrong.times_us,
+                proposal=wrong.proposal,
+                chunk=other,
+                record=wrong.record,
+            ),
+        )
     assert file.read_bytes() == b""
     restore(saved)
     assert verify(finished).ok

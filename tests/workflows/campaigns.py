@@ -28,10 +28,17 @@ def run_arguments(store: Path, *settings: str, preset: str = "current") -> list[
     return ["run", preset, "--store", str(store), "--quiet", *sets]
 
 
-def softclose(*arguments: str, env: dict[str, str] | None = None, timeout: float = 180.0,
-              ) -> subprocess.CompletedProcess[str]:  # fmt: skip
+def softclose(
+    *arguments: str,
+    env: dict[str, str] | None = None,
+    timeout: float = 180.0,
+) -> subprocess.CompletedProcess[str]:
     """Run `softclose` to its end and return what it printed."""
     return subprocess.run(
-        command(*arguments), capture_output=True, text=True, timeout=timeout, check=False,
+        command(*arguments),
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"} | (env or {}),
-    )  # fmt: skip
+    )

@@ -98,8 +98,10 @@ def test_bash_completes_commands(tmp_path: Path) -> None:
     if shutil.which("bash") is None:
         pytest.skip("bash is not installed")
     launcher = tmp_path / "softclose"
-    launcher.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "from softclose_workflows.cli import main; '
-                        'main(prog_name=\'softclose\')" "$@"\n')  # fmt: skip
+    launcher.write_text(
+        f'#!/bin/sh\nexec "{sys.executable}" -c "from softclose_workflows.cli import main; '
+        'main(prog_name=\'softclose\')" "$@"\n'
+    )
     launcher.chmod(0o755)
     script = (
         'eval "$(softclose completion bash)"\n'
@@ -152,8 +154,12 @@ def test_verbose_shows_where_an_error_came_from(tmp_path: Path) -> None:
 def test_output_to_a_pipe_has_no_colour(finished_store: Path) -> None:
     for arguments in (["status", str(finished_store)], ["status", str(finished_store), "--watch"]):
         done = subprocess.run(
-            [sys.executable, "-m", "softclose_workflows", *arguments], capture_output=True, text=True, timeout=60,
-            check=False, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-        )  # fmt: skip
+            [sys.executable, "-m", "softclose_workflows", *arguments],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        )
         assert done.returncode == 0, done.stderr
         assert "\x1b" not in done.stdout

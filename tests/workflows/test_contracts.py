@@ -100,9 +100,11 @@ def test_a_growing_store_shows_whole_candidates_only(tmp_path: Path) -> None:
 def test_status_is_one_json_object_also_before_anything_is_committed(tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
     process = subprocess.Popen(
-        command(*run_arguments(store), "--serial"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        command(*run_arguments(store), "--serial"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         env=os.environ | {"SOFTCLOSE_FAULT": "after-proposal:1"},
-    )  # fmt: skip
+    )
     process.wait(timeout=120)
     standing = json.loads(softclose("status", str(store), "--json").stdout)
     assert (standing["committed"], standing["budget"], standing["finished"], standing["best"]) == (0, 8, False, None)

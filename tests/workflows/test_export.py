@@ -123,8 +123,24 @@ def test_csv_holds_the_waveform_at_the_asked_rate(finished_store: Path, tmp_path
 def test_codes_return_the_waveform_within_half_a_code(finished_store: Path, tmp_path: Path, signed: bool) -> None:
     target = tmp_path / "drive.txt"
     flag = "--signed" if signed else "--unsigned"
-    done = export(finished_store, "waveform", "--format", "dac", "--bits", "12", "--full-scale", "200", flag,
-                  "--no-header", "--rate", "5", "--duration", "100", "-o", str(target))  # fmt: skip
+    done = export(
+        finished_store,
+        "waveform",
+        "--format",
+        "dac",
+        "--bits",
+        "12",
+        "--full-scale",
+        "200",
+        flag,
+        "--no-header",
+        "--rate",
+        "5",
+        "--duration",
+        "100",
+        "-o",
+        str(target),
+    )
     assert done.exit_code == 0, done.output
     about = json.loads((tmp_path / "drive.txt.json").read_text())
     codes = np.loadtxt(target, dtype=int)

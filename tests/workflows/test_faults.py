@@ -24,9 +24,11 @@ from test_contracts import wait_for_commits
 def start(store: Path, *arguments: str, env: dict[str, str] | None = None) -> subprocess.Popen[bytes]:
     """Start the small campaign; the caller ends it."""
     return subprocess.Popen(
-        command(*run_arguments(store), *arguments), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        command(*run_arguments(store), *arguments),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
         env=os.environ | (env or {}),
-    )  # fmt: skip
+    )
 
 
 @contextmanager
@@ -35,9 +37,20 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
     file = folder / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     scheduler = subprocess.Popen(
-        [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
-         "--no-dashboard", "--scheduler-file", str(file)], **quiet,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "distributed.cli.dask_scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            "0",
+            "--no-dashboard",
+            "--scheduler-file",
+            str(file),
+        ],
+        **quiet,
+    )
     worker = None
     try:
         deadline = time.monotonic() + 60
@@ -45,9 +58,20 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
             time.sleep(0.1)
         address = json.loads(file.read_text())["address"]
         worker = subprocess.Popen(
-            [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard",
-             "--nthreads", "1", "--host", "127.0.0.1"], **quiet,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "distributed.cli.dask_worker",
+                address,
+                "--no-nanny",
+                "--no-dashboard",
+                "--nthreads",
+                "1",
+                "--host",
+                "127.0.0.1",
+            ],
+            **quiet,
+        )
         yield address, scheduler, worker
     finally:
         for process in (worker, scheduler):

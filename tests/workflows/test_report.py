@@ -176,9 +176,13 @@ def test_packed_traces_of_a_constant_motion_do_not_divide_by_zero() -> None:
     still = np.zeros((2, 3))
     none = np.empty((2, 0))
     traces = Traces(
-        rows=np.arange(2), times_us=np.arange(3.0), distance_um=still, velocity_cm_s=still, impact_us=none,
+        rows=np.arange(2),
+        times_us=np.arange(3.0),
+        distance_um=still,
+        velocity_cm_s=still,
+        impact_us=none,
         impact_cm_s=none,
-    )  # fmt: skip
+    )
     coded = packed.pack_traces(traces)
     assert coded["impacts"] == []
     assert json.dumps(coded, allow_nan=False)

@@ -19,9 +19,13 @@ from softclose_workflows.reproduce import members, reproduce
 from softclose_workflows.series import Effort
 
 TINY = (
-    "campaign.budget=3", "population.n_switches=40", "finish.budget=0", "compute.chunk_switches=0",
-    "store.n_times=6", "optimiser.engine=sobol",
-)  # fmt: skip
+    "campaign.budget=3",
+    "population.n_switches=40",
+    "finish.budget=0",
+    "compute.chunk_switches=0",
+    "store.n_times=6",
+    "optimiser.engine=sobol",
+)
 EFFORT = Effort(n_switches=100, top=10, placement=Placement(serial=True), quiet=True)
 
 

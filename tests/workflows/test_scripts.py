@@ -65,9 +65,12 @@ def test_a_figure_is_drawn(
 
 
 def test_convergence_draws_several_stores(
-    finished_store: Path, another_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    finished_store: Path,
+    another_store: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     target = tmp_path / "c.png"
     run("convergence.py", str(finished_store), str(another_store), "-o", str(target), monkeypatch=monkeypatch)
     best = [open_campaign(path).best() for path in (finished_store, another_store)]

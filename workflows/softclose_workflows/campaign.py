@@ -58,8 +58,14 @@ Listener = Callable[[Progress], None]
 class Campaign:
     """Drives one store to the end of its budget."""
 
-    def __init__(self, store: DriverStore, executor: Executor, *, stop: StopRequest | None = None,
-                 listener: Listener | None = None) -> None:  # fmt: skip
+    def __init__(
+        self,
+        store: DriverStore,
+        executor: Executor,
+        *,
+        stop: StopRequest | None = None,
+        listener: Listener | None = None,
+    ) -> None:
         self.config = CampaignConfig.from_dict(store.config)
         self._store = store
         self._executor = executor
@@ -115,9 +121,14 @@ class Campaign:
     def _task(self, i: int, chunk: int) -> ChunkTask:
         flight = self._flights[i]
         return chunk_task(
-            self.config, self._store.path, i, chunk, flight.proposal.waveform, flight.proposal.n_switches,
+            self.config,
+            self._store.path,
+            i,
+            chunk,
+            flight.proposal.waveform,
+            flight.proposal.n_switches,
             self._store.proposal_digest(i),
-        )  # fmt: skip
+        )
 
     def _advance(self) -> None:
         """Wait for one event, then commit every candidate that is next in order and complete."""

@@ -91,11 +91,15 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
             "waveform": waveform_rows(d),
             "training": None
             if d.training is None
-            else {"g_cm_s": d.training.g_cm_s, "v_u_cm_s": d.training.v_u_cm_s, "p_nc": d.training.p_nc,
-                  "n_switches": d.training.n_switches},
+            else {
+                "g_cm_s": d.training.g_cm_s,
+                "v_u_cm_s": d.training.v_u_cm_s,
+                "p_nc": d.training.p_nc,
+                "n_switches": d.training.n_switches,
+            },
             "flattery_cm_s": d.flattery_cm_s,
             **d.assessment.to_dict(),
-        }  # fmt: skip
+        }
 
     plain: dict[str, Any] = finite(
         {

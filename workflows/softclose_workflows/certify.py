@@ -227,9 +227,11 @@ def reference_designs(config: CampaignConfig) -> dict[str, Waveform]:
     designs = {"unshaped": unshaped()}
     with contextlib.suppress(BaselineError):  # e.g. a limit that cannot hold the mean switch: nothing to compare with
         designs["deterministic"] = deterministic_design(
-            config.build_population(), max_volts=config.waveform.max_volts,
-            plate_area_um2=config.model.plate_area_um2, horizon_us=config.model.horizon_us,
-        )  # fmt: skip
+            config.build_population(),
+            max_volts=config.waveform.max_volts,
+            plate_area_um2=config.model.plate_area_um2,
+            horizon_us=config.model.horizon_us,
+        )
     return designs
 
 
@@ -275,19 +277,29 @@ def _assemble(
         training = None
         if i is not None:
             training = Training(
-                g_cm_s=float(table["g_cm_s"][i]), v_u_cm_s=float(table["v_u_cm_s"][i]), p_nc=float(table["p_nc"][i]),
+                g_cm_s=float(table["g_cm_s"][i]),
+                v_u_cm_s=float(table["v_u_cm_s"][i]),
+                p_nc=float(table["p_nc"][i]),
                 n_switches=int(table["n_switches"][i]),
-            )  # fmt: skip
+            )
         certified = Certified(
-            name=name, candidate=i, waveform=waveform, response=response, assessment=assess_fresh(response, config),
+            name=name,
+            candidate=i,
+            waveform=waveform,
+            response=response,
+            assessment=assess_fresh(response, config),
             training=training,
-        )  # fmt: skip
+        )
         (references if i is None else candidates).append(certified)
     candidates.sort(key=lambda d: d.assessment.g_cm_s)  # stable: ties stay in the order chosen
     return Certification(
-        n_switches=n_switches, seed=seed, committed=campaign.committed, incumbent=incumbent,
-        candidates=tuple(candidates), references=tuple(references),
-    )  # fmt: skip
+        n_switches=n_switches,
+        seed=seed,
+        committed=campaign.committed,
+        incumbent=incumbent,
+        candidates=tuple(candidates),
+        references=tuple(references),
+    )
 
 
 def _write(path: str, result: Certification) -> None:
@@ -304,11 +316,14 @@ def _write(path: str, result: Certification) -> None:
     arrays = {
         "name": GroupArray(dims=("design",), values=np.array([d.name for d in designs]), long_name="design"),
         "candidate": GroupArray(
-            dims=("design",), values=np.array([-1 if d.candidate is None else d.candidate for d in designs]),
+            dims=("design",),
+            values=np.array([-1 if d.candidate is None else d.candidate for d in designs]),
             long_name="index in the campaign; -1: a reference design",
         ),
         "waveform": GroupArray(
-            dims=("design", "pulse", "parameter"), values=rows, unit="µs or V",
+            dims=("design", "pulse", "parameter"),
+            values=rows,
+            unit="µs or V",
             long_name="start, rise, peak, volts; a peak of inf holds, rows of NaN are absent",
         ),
         "max_contact_speed": per_switch(
@@ -317,14 +332,17 @@ def _write(path: str, result: Certification) -> None:
         "closed": per_switch([d.response.closed for d in designs], "1", "held in contact at the horizon"),
         "status": per_switch([d.response.status for d in designs], "1", "outcome of the integration; 0: ok"),
         "training_g_cm_s": GroupArray(
-            dims=("design",), unit="cm/s", long_name="g on the training ensemble",
+            dims=("design",),
+            unit="cm/s",
+            long_name="g on the training ensemble",
             values=np.array([math.nan if d.training is None else d.training.g_cm_s for d in designs]),
         ),
         "training_n_switches": GroupArray(
-            dims=("design",), long_name="size of the training ensemble; 0: a reference design",
+            dims=("design",),
+            long_name="size of the training ensemble; 0: a reference design",
             values=np.array([0 if d.training is None else d.training.n_switches for d in designs]),
         ),
-    }  # fmt: skip
+    }
     assessed = [records.assessment_record(d.assessment) for d in designs]
     for name, first in assessed[0].items():
         if name not in ("failed", "failure"):
@@ -332,12 +350,19 @@ def _write(path: str, result: Certification) -> None:
             unit = "cm/s" if name.endswith("_cm_s") else "1"
             arrays[name] = GroupArray(dims=dims, values=np.array([record[name] for record in assessed]), unit=unit)
     write_group(
-        path, GROUP, arrays,
+        path,
+        GROUP,
+        arrays,
         {
-            "n_switches": result.n_switches, "seed": result.seed, "stream": STREAM, "sampling": "monte-carlo",
-            "committed": result.committed, "incumbent": result.incumbent,
+            "n_switches": result.n_switches,
+            "seed": result.seed,
+            "stream": STREAM,
+            "sampling": "monte-carlo",
+            "committed": result.committed,
+            "incumbent": result.incumbent,
             "limits_cm_s": [e.limit_cm_s for e in result.best.assessment.p_exceed],
-            "level": result.best.assessment.level, "confidence": result.best.assessment.confidence,
+            "level": result.best.assessment.level,
+            "confidence": result.best.assessment.confidence,
         },
         replace=True,
-    )  # fmt: skip
+    )

@@ -31,9 +31,13 @@ class Chosen:
         """Keyword arguments of `simulate`; no limit on the voltage, which is for designs and not for faults."""
         m, c = self.config.model, self.config.compute
         return {
-            "horizon_us": m.horizon_us, "restitution": m.restitution, "plate_area_um2": m.plate_area_um2,
-            "rtol": c.rtol, "method": c.method, "max_volts": float("inf"),
-        }  # fmt: skip
+            "horizon_us": m.horizon_us,
+            "restitution": m.restitution,
+            "plate_area_um2": m.plate_area_um2,
+            "rtol": c.rtol,
+            "method": c.method,
+            "max_volts": float("inf"),
+        }
 
 
 def choose(path: str, candidate: int | None = None) -> Chosen:

@@ -46,9 +46,13 @@ def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
     parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
     switches = population.sample(n, seed=seed, sampling=sampling)
     return {
-        "D": parameters[:, 0], "G": parameters[:, 1], "E": parameters[:, 2], "T": parameters[:, 3],
-        "K": switches[:, 2], "M": switches[:, 3],
-    }  # fmt: skip
+        "D": parameters[:, 0],
+        "G": parameters[:, 1],
+        "E": parameters[:, 2],
+        "T": parameters[:, 3],
+        "K": switches[:, 2],
+        "M": switches[:, 3],
+    }
 
 
 def _layout(config: CampaignConfig) -> Layout:

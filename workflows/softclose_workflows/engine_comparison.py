@@ -88,11 +88,14 @@ def print_comparison(results: Sequence[Compared]) -> None:
     for engine, runs in by_engine(results).items():
         certified = [r.certified_g_cm_s for r in runs]
         table.add_row(
-            engine, str(len(runs)), str(len(runs[0].run.wall_s)), spread([r.run.best.g_cm_s for r in runs]),
+            engine,
+            str(len(runs)),
+            str(len(runs[0].run.wall_s)),
+            spread([r.run.best.g_cm_s for r in runs]),
             "–" if any(map(math.isnan, certified)) else spread(certified),
             spread([float(r.run.wall_s[-1]) for r in runs], 1),
             spread([float(np.mean(r.run.propose_s)) for r in runs], 3),
-        )  # fmt: skip
+        )
     wide_console().print(table)
 
 

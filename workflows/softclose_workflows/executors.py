@@ -222,8 +222,16 @@ def _configure() -> None:
         }
     )
     # A worker's death is reported by us, once; Dask's own account of it runs to a page.
-    for name in ("distributed.nanny", "distributed.scheduler", "distributed.worker", "distributed.core",
-                 "distributed.comm", "distributed.client", "tornado.application", "asyncio"):  # fmt: skip
+    for name in (
+        "distributed.nanny",
+        "distributed.scheduler",
+        "distributed.worker",
+        "distributed.core",
+        "distributed.comm",
+        "distributed.client",
+        "tornado.application",
+        "asyncio",
+    ):
         logging.getLogger(name).setLevel(SILENT)
 
 
@@ -235,11 +243,16 @@ def _local(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     # Everything listens on loopback: a laptop in a café is no place for an open scheduler.
     with (
         LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-            dashboard_address="127.0.0.1:0", worker_dashboard_address=None, silence_logs=SILENT,
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address=None,
+            silence_logs=SILENT,
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
-    ):  # fmt: skip
+    ):
         yield from _on(client, cluster.dashboard_link, patience_s, cluster.scale)
 
 

@@ -21,9 +21,15 @@ def show_progress(*, quiet: bool) -> Iterator[Listener | None]:
 
     started = time.monotonic()
     with Bar(
-        TextColumn("candidates"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[state]}"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True),
-    ) as bar:  # fmt: skip
+        TextColumn("candidates"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[state]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    ) as bar:
         task = bar.add_task("run", total=None, state="")
 
         def listener(p: Progress) -> None:

@@ -51,25 +51,34 @@ class Case:
 
 CASES = (
     Case(title="unshaped 100 V", how="ideal step", preset="current-two", design="unshaped", published=UNSHAPED),
-    Case(title="deterministic design", how="solved for the mean switch", preset="current-two", design="deterministic",
-         published=DETERMINISTIC, figure="6, 7"),
+    Case(
+        title="deterministic design",
+        how="solved for the mean switch",
+        preset="current-two",
+        design="deterministic",
+        published=DETERMINISTIC,
+        figure="6, 7",
+    ),
     Case(title="current design, 2 pulses", how="published procedure", preset="current-paper", published=CURRENT),
-    Case(title="current design, 2 pulses", how="softclose", preset="current-two",
-         published=CURRENT, figure="8, 9"),
+    Case(title="current design, 2 pulses", how="softclose", preset="current-two", published=CURRENT, figure="8, 9"),
     Case(title="current design, 3 pulses", how="DIRECT, 350 evaluations", preset="current-direct", published=THREE),
     Case(title="current design, 3 pulses", how="softclose", preset="current-three", published=THREE),
     Case(title="modified design, 2 pulses", how="published procedure", preset="modified-paper", published=MODIFIED),
-    Case(title="modified design, 2 pulses", how="softclose", preset="modified",
-         published=MODIFIED, figure="10, 11"),
+    Case(title="modified design, 2 pulses", how="softclose", preset="modified", published=MODIFIED, figure="10, 11"),
     Case(title="modified design, 3 pulses", how="softclose", preset="modified-three"),
-    Case(title="improved process, 2 pulses", how="published procedure", preset="process-improved-paper",
-         published=IMPROVED),
-    Case(title="improved process, 2 pulses", how="softclose", preset="process-improved",
-         published=IMPROVED, figure="12"),
+    Case(
+        title="improved process, 2 pulses",
+        how="published procedure",
+        preset="process-improved-paper",
+        published=IMPROVED,
+    ),
+    Case(
+        title="improved process, 2 pulses", how="softclose", preset="process-improved", published=IMPROVED, figure="12"
+    ),
     Case(title="improved process, 3 pulses", how="softclose", preset="process-improved-three"),
     Case(title="unshaped 100 V, literal ±25 %", how="ideal step", preset="paper-text", design="unshaped"),
     Case(title="current design, literal ±25 %, 2 pulses", how="softclose", preset="paper-text"),
-)  # fmt: skip
+)
 
 
 def presets() -> list[str]:

@@ -95,11 +95,14 @@ def _rows(campaigns: Sequence[Member], certifications: Sequence[Certification]) 
         mean = certified.assessment.mean_cm_s
         rows.append(
             Row(
-                case=case, config=member.config, store=member.name, certified=certified,
+                case=case,
+                config=member.config,
+                store=member.name,
+                certified=certified,
                 mean_range=(mean - half, mean + half),
                 v_u_range=spread_at(ordered, certified.assessment.level, N_PUBLISHED),
             )
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -168,10 +171,18 @@ def _print(console: Any, rows: Sequence[Row]) -> None:
     table.add_column("case", no_wrap=True)
     table.add_column("found by", no_wrap=True)
     for column in (
-        "v_u\npublished", "v_u, ours\n(95 % interval)", "v_u at N = 200,\n95 % of ensembles", "mean V\npublished",
-        "mean V, ours\n(95 % interval)", f"P(V > {LIMIT_CM_S:g})\npublished", f"P(V > {LIMIT_CM_S:g}), ours\n(Eq. 11)",
-        "p_nc", "g", "flattery", "",
-    ):  # fmt: skip
+        "v_u\npublished",
+        "v_u, ours\n(95 % interval)",
+        "v_u at N = 200,\n95 % of ensembles",
+        "mean V\npublished",
+        "mean V, ours\n(95 % interval)",
+        f"P(V > {LIMIT_CM_S:g})\npublished",
+        f"P(V > {LIMIT_CM_S:g}), ours\n(Eq. 11)",
+        "p_nc",
+        "g",
+        "flattery",
+        "",
+    ):
         table.add_column(column, justify="right", no_wrap=True)
     for r in rows:
         a, p = r.certified.assessment, r.case.published

@@ -28,9 +28,14 @@ def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
     matplotlib.use("agg")
     folder.mkdir(parents=True, exist_ok=True)
     style: Any = {
-        "svg.hashsalt": "softclose", "font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
-        "axes.grid": True, "grid.alpha": 0.25, "figure.dpi": 100,
-    }  # fmt: skip
+        "svg.hashsalt": "softclose",
+        "font.size": 9,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "grid.alpha": 0.25,
+        "figure.dpi": 100,
+    }
     with matplotlib.rc_context(style):
         paths = [_comparison(folder, rows), _densities(folder, rows), _populations(folder, rows)]
         paths += [_response(folder, row) for row in rows if row.case.figure or "3 pulses" in row.case.title]

@@ -135,8 +135,12 @@ def rescore(path: str, score: Score) -> list[Rescored]:
     order = sorted(usable, key=lambda i: assessments[i].g_cm_s)
     return [
         Rescored(
-            candidate=i, rank=rank, rank_before=before[i], g_before_cm_s=float(table["g_cm_s"][i]),
-            n_switches=int(table["n_switches"][i]), assessment=assessments[i],
+            candidate=i,
+            rank=rank,
+            rank_before=before[i],
+            g_before_cm_s=float(table["g_cm_s"][i]),
+            n_switches=int(table["n_switches"][i]),
+            assessment=assessments[i],
         )
         for rank, i in enumerate(order, start=1)
-    ]  # fmt: skip
+    ]

@@ -33,9 +33,10 @@ def print_result(path: str) -> None:
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
     interval = f"{config.objective.confidence:.0%}"
     kind = (
-        f"{interval} intervals in brackets" if config.population.sampling == "monte-carlo"
+        f"{interval} intervals in brackets"
+        if config.population.sampling == "monte-carlo"
         else "quasi-random sample: the bracketed intervals do not hold"
-    )  # fmt: skip
+    )
     print_designs(
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
         [

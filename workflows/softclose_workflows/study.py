@@ -74,9 +74,11 @@ def run_study(study: Study, folder: str | Path, effort: Effort) -> StudyResult:
     members = study.members()
     certifications = run_series(members, folder, effort)
     result = StudyResult(
-        study=study, members=tuple(members), certifications=tuple(certifications),
+        study=study,
+        members=tuple(members),
+        certifications=tuple(certifications),
         cross_g_cm_s=cross_evaluate(members, certifications, effort),
-    )  # fmt: skip
+    )
     (Path(folder) / "study.json").write_text(json.dumps(result.to_json(), indent=1, allow_nan=False) + "\n", "utf-8")
     return result
 
@@ -96,9 +98,13 @@ def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certifica
             ]
             g[i, i] = own.best.assessment.g_cm_s
             responses = simulate_fresh(
-                config, [waveforms[j] for j in columns], n_switches=own.n_switches, seed=own.seed,
-                threads=effort.threads, listener=listener,
-            )  # fmt: skip
+                config,
+                [waveforms[j] for j in columns],
+                n_switches=own.n_switches,
+                seed=own.seed,
+                threads=effort.threads,
+                listener=listener,
+            )
             for j, response in zip(columns, responses, strict=True):
                 g[i, j] = assess_fresh(response, config).g_cm_s
     return g

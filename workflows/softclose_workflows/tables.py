@@ -38,8 +38,9 @@ def metrics_row(record: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def print_designs(title: str, designs: Sequence[tuple[str, Sequence[Sequence[float | None]], Mapping[str, Any]]],
-                  caption: str) -> None:  # fmt: skip
+def print_designs(
+    title: str, designs: Sequence[tuple[str, Sequence[Sequence[float | None]], Mapping[str, Any]]], caption: str
+) -> None:
     """One row a design: name, waveform, metrics with intervals."""
     from rich.console import Console
     from rich.table import Table

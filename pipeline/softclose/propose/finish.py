@@ -217,9 +217,12 @@ def _nelder_mead(g: object, start: FloatArray, settings: FinishSection) -> None:
     simplex = np.clip(start + settings.sigma * np.vstack([np.zeros(len(start)), np.eye(len(start))]), 0.0, 1.0)
     simplex[1:] -= 2.0 * settings.sigma * np.eye(len(start)) * (simplex[1:] >= 1.0)
     minimize(
-        g, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start),
+        g,
+        start,
+        method="Nelder-Mead",
+        bounds=[(0.0, 1.0)] * len(start),
         options={"initial_simplex": simplex, "adaptive": True, "xatol": 1e-4, "fatol": 1e-4, "maxfev": 100_000},
-    )  # fmt: skip
+    )
 
 
 def distinct_basins(problem: Problem, search: Sequence[Observation], n: int, distance: float) -> list[Waveform]:

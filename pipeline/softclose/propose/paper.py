@@ -88,9 +88,11 @@ def _grid(problem: Problem, peak_us: float) -> list[FloatArray]:
         np.linspace(0.0, 0.5, N_GRID[0]), np.geomspace(1.0, 6.0, N_GRID[1]), np.linspace(1.1, 1.5, N_GRID[2])
     ):
         hold = Pulse(
-            plateau_end + float(gap) * s.period_us, s.min_rise_us * float(rise), np.inf,
+            plateau_end + float(gap) * s.period_us,
+            s.min_rise_us * float(rise),
+            np.inf,
             min(float(volts) * s.hold_volts, s.max_volts),
-        )  # fmt: skip
+        )
         points.append(problem.space.canonical(problem.space.unit(Waveform([first, hold]), clip=True)))
     return points
 
@@ -99,9 +101,12 @@ def _simplex(g: object, start: FloatArray) -> None:
     simplex = np.vstack([start, start + 0.05 * np.eye(len(start))])
     simplex = np.where(simplex > 1.0, simplex - 0.1, simplex)
     minimize(
-        g, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start),
+        g,
+        start,
+        method="Nelder-Mead",
+        bounds=[(0.0, 1.0)] * len(start),
         options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-3, "maxfev": 100_000},
-    )  # fmt: skip
+    )
 
 
 def _proposal(problem: Problem, waveform: Waveform, origin: str) -> Proposal:

@@ -29,8 +29,18 @@ import click
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the bootstrap.")
 @click.option("--figure", metavar="FILE", help="Histograms and fitted densities (svg, png or pdf).")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
-def calibrate(measurements: str, output: str, name: str | None, given: tuple[str, ...], plate_area: float,
-              bootstrap: int, confidence: float, seed: int, figure: str | None, as_json: bool) -> None:  # fmt: skip
+def calibrate(
+    measurements: str,
+    output: str,
+    name: str | None,
+    given: tuple[str, ...],
+    plate_area: float,
+    bootstrap: int,
+    confidence: float,
+    seed: int,
+    figure: str | None,
+    as_json: bool,
+) -> None:
     """Fit a population to device measurements (gap, travel, thickness, pull-in voltage)."""
     from softclose.calibrate import calibrate as fit
     from softclose.calibrate import write_calibration
@@ -40,9 +50,14 @@ def calibrate(measurements: str, output: str, name: str | None, given: tuple[str
     if Path(output).suffix != ".toml":
         raise MeasurementError(f"--output is {output!r}; a population is a TOML file: give a name ending in .toml")
     calibration = fit(
-        read_measurements(measurements), name=name or Path(output).stem, bounds=dict(map(_bounds, given)),
-        plate_area_um2=plate_area, n_bootstrap=bootstrap, confidence=confidence, seed=seed,
-    )  # fmt: skip
+        read_measurements(measurements),
+        name=name or Path(output).stem,
+        bounds=dict(map(_bounds, given)),
+        plate_area_um2=plate_area,
+        n_bootstrap=bootstrap,
+        confidence=confidence,
+        seed=seed,
+    )
     try:
         write_calibration(calibration, output)
     except OSError as e:

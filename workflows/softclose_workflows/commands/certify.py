@@ -20,8 +20,9 @@ from softclose_workflows.commands.options import quiet_option
 @click.option("--threads", type=click.IntRange(min=1), help="Threads to simulate with [one per core].")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
-def certify(store: str, switches: int, seed: int | None, top: int, threads: int | None, as_json: bool,
-            quiet: bool) -> None:  # fmt: skip
+def certify(
+    store: str, switches: int, seed: int | None, top: int, threads: int | None, as_json: bool, quiet: bool
+) -> None:
     """Rank the best candidates in STORE by what they do on fresh switches, and keep the result in STORE.
 
     The fresh switches are independent of those that the campaign was trained on, so the result is not flattered.

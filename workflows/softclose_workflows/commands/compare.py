@@ -15,8 +15,12 @@ from softclose_workflows.commands.options import quiet_option
     "  softclose compare runs/two.zarr runs/three.zarr --json | jq '.campaigns[].best.v_u_cm_s'"
 )
 @click.argument("stores", metavar="STORE STORE...", nargs=-1)
-@click.option("-o", "--output", metavar="FILE", help="Also write waveforms and contact speeds over each other: a page "
-              "(.html) or a figure (.png, .svg, .pdf).")  # fmt: skip
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    help="Also write waveforms and contact speeds over each other: a page (.html) or a figure (.png, .svg, .pdf).",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def compare(stores: tuple[str, ...], output: str | None, as_json: bool, quiet: bool) -> None:

@@ -25,8 +25,9 @@ import click
 )
 @click.option("--figure", metavar="FILE", help="Best g against evaluations and against time (svg, png or pdf).")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
-def compare_engines(source: str, engines: str, seeds: str, overrides: tuple[str, ...], switches: int,
-                    figure: str | None, as_json: bool) -> None:  # fmt: skip
+def compare_engines(
+    source: str, engines: str, seeds: str, overrides: tuple[str, ...], switches: int, figure: str | None, as_json: bool
+) -> None:
     """Run several engines on one problem from several seeds, in this process, without stores."""
     from softclose.config import ConfigError, load_config
     from softclose.propose.protocol import check_engine_name

@@ -129,8 +129,9 @@ def waveform(store: str, /, form: str, candidate: int | None, output: Path | Non
         _emit_codes(campaign, i, drive, times, settings, output)
 
 
-def _emit_codes(campaign: Campaign, i: int, drive: Waveform, times: Any, settings: dict[str, Any],
-                output: Path | None) -> None:  # fmt: skip
+def _emit_codes(
+    campaign: Campaign, i: int, drive: Waveform, times: Any, settings: dict[str, Any], output: Path | None
+) -> None:
     import json
 
     from softclose_workflows.exports.files import ExportError
@@ -138,9 +139,11 @@ def _emit_codes(campaign: Campaign, i: int, drive: Waveform, times: Any, setting
 
     full_scale = settings["full_scale_V"]
     scale = Scale(
-        bits=settings["bits"], signed=settings["signed"], rate_MSps=settings["rate_MSps"],
+        bits=settings["bits"],
+        signed=settings["signed"],
+        rate_MSps=settings["rate_MSps"],
         full_scale_V=campaign.config["waveform"]["max_volts"] if full_scale is None else full_scale,
-    )  # fmt: skip
+    )
     if output is None and not settings["header"]:
         raise ExportError(
             "codes without a header say nothing of their scale; give a file (-o), which FILE.json describes"

@@ -6,8 +6,17 @@ import click
 
 from softclose_workflows.commands.options import quiet_option
 
-NAMES = ("response", "histogram", "densities", "switches", "population", "convergence", "length-scales", "dependence",
-         "dependence-pairs")  # fmt: skip
+NAMES = (
+    "response",
+    "histogram",
+    "densities",
+    "switches",
+    "population",
+    "convergence",
+    "length-scales",
+    "dependence",
+    "dependence-pairs",
+)
 """Written out here, since matplotlib would take longer to import than `--help` may; a test compares."""
 
 
@@ -17,8 +26,9 @@ NAMES = ("response", "histogram", "densities", "switches", "population", "conver
 )
 @click.argument("store", metavar="STORE")
 @click.option("-o", "--output", metavar="FOLDER", help="Where to write them [the store's name with -figures, here].")
-@click.option("--format", "formats", multiple=True, type=click.Choice(["png", "svg", "pdf"]), help="Only this format; "
-              "repeatable.")  # fmt: skip
+@click.option(
+    "--format", "formats", multiple=True, type=click.Choice(["png", "svg", "pdf"]), help="Only this format; repeatable."
+)
 @click.option("--only", multiple=True, type=click.Choice(NAMES), help="Only this figure; repeatable.")
 @quiet_option
 def figures(store: str, output: str | None, formats: tuple[str, ...], only: tuple[str, ...], quiet: bool) -> None:

@@ -25,12 +25,18 @@ def placement_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     wrapped: Callable[..., Any] = with_placement
     for option in (
-        click.option("--patience", type=float, default=30.0, show_default=True, metavar="SECONDS",
-                     help="How long to wait without any worker or scheduler before stopping."),
+        click.option(
+            "--patience",
+            type=float,
+            default=30.0,
+            show_default=True,
+            metavar="SECONDS",
+            help="How long to wait without any worker or scheduler before stopping.",
+        ),
         click.option("--serial", is_flag=True, help="Compute in this process, without Dask (for debugging)."),
         click.option("--scheduler", metavar="ADDRESS", help="Use an existing Dask scheduler, e.g. tcp://host:8786."),
         click.option("--workers", type=int, metavar="N", help="Worker processes of the local cluster [one per core]."),
-    ):  # fmt: skip
+    ):
         wrapped = option(wrapped)
     return wrapped
 

@@ -37,10 +37,16 @@ def pareto(store: str, as_json: bool) -> None:
     waveforms = [waveform_to_json(campaign.waveform(i)) for i in front]
     if as_json:
         rows = [
-            {"candidate": i, "v_u_cm_s": float(r["v_u_cm_s"]), "p_nc": float(r["p_nc"]),
-             "mean_cm_s": float(r["mean_cm_s"]), "g_cm_s": float(r["g_cm_s"]), "waveform": w}
+            {
+                "candidate": i,
+                "v_u_cm_s": float(r["v_u_cm_s"]),
+                "p_nc": float(r["p_nc"]),
+                "mean_cm_s": float(r["mean_cm_s"]),
+                "g_cm_s": float(r["g_cm_s"]),
+                "waveform": w,
+            }
             for i, r, w in zip(front, records, waveforms, strict=True)
-        ]  # fmt: skip
+        ]
         click.echo(json.dumps(finite({"store": store, "n_switches": n, "front": rows}), indent=2, allow_nan=False))
         return
     from rich.table import Table

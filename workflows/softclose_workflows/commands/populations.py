@@ -37,16 +37,28 @@ def populations(names: tuple[str, ...], plate_area: float, as_json: bool) -> Non
 
     def row(label: str, cells: list[str], printed: str = "") -> None:
         marks = [PRINTED.get(name, {}).get(printed, ()) for name in summaries]
-        table.add_row(label, *(f"{c} [{'–'.join(f'{m:g}' for m in mark)}]".replace("[", r"\[") if mark else c
-                               for c, mark in zip(cells, marks, strict=True)))  # fmt: skip
+        table.add_row(
+            label,
+            *(
+                f"{c} [{'–'.join(f'{m:g}' for m in mark)}]".replace("[", r"\[") if mark else c
+                for c, mark in zip(cells, marks, strict=True)
+            ),
+        )
 
     for variable, unit, digits in (("D", "um", 3), ("G", "um", 3), ("E", "GPa", 2), ("T", "um", 3)):
         shown = unit.replace("um", "µm")
-        row(f"{variable} [{shown}]".replace("[", r"\["),
-            [f"{s[f'{variable}_lower_{unit}']:.{digits}f}–{s[f'{variable}_upper_{unit}']:.{digits}f}"
-             for s in summaries.values()])  # fmt: skip
-        row(f"  mean {variable}", [f"{s[f'{variable}_mean_{unit}']:.{digits}f}" for s in summaries.values()],
-            f"E[{variable}]")  # fmt: skip
+        row(
+            f"{variable} [{shown}]".replace("[", r"\["),
+            [
+                f"{s[f'{variable}_lower_{unit}']:.{digits}f}–{s[f'{variable}_upper_{unit}']:.{digits}f}"
+                for s in summaries.values()
+            ],
+        )
+        row(
+            f"  mean {variable}",
+            [f"{s[f'{variable}_mean_{unit}']:.{digits}f}" for s in summaries.values()],
+            f"E[{variable}]",
+        )
     row("D/G", [f"{s['D_over_G_lower']:.3f}–{s['D_over_G_upper']:.3f}" for s in summaries.values()], "D/G")
     for name, unit, printed in (("K", "N_per_m", "E[K]"), ("M", "ug", "E[M]")):
         label = {"K": r"K \[N/m]", "M": r"M \[µg]"}[name]

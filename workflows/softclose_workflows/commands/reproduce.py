@@ -24,8 +24,15 @@ if TYPE_CHECKING:
 @placement_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
-def reproduce(out: str, quick: bool, switches: int | None, overrides: tuple[str, ...], placement: Placement,
-              as_json: bool, quiet: bool) -> None:  # fmt: skip
+def reproduce(
+    out: str,
+    quick: bool,
+    switches: int | None,
+    overrides: tuple[str, ...],
+    placement: Placement,
+    as_json: bool,
+    quiet: bool,
+) -> None:
     """Reproduce the published study: every design optimised, certified, and set beside the printed figures.
 
     Stopped or killed, the same command continues; what is finished is not computed again.
@@ -38,9 +45,12 @@ def reproduce(out: str, quick: bool, switches: int | None, overrides: tuple[str,
 
     started = time.monotonic()
     effort = Effort(
-        n_switches=switches or (QUICK_SWITCHES if quick else 100_000), top=3 if quick else 10, placement=placement,
-        threads=os.cpu_count() or 1, quiet=quiet or as_json,
-    )  # fmt: skip
+        n_switches=switches or (QUICK_SWITCHES if quick else 100_000),
+        top=3 if quick else 10,
+        placement=placement,
+        threads=os.cpu_count() or 1,
+        quiet=quiet or as_json,
+    )
     rows = run(out, effort, (*(QUICK if quick else ()), *overrides))
     if as_json:
         click.echo(json.dumps(to_json(rows), indent=2, allow_nan=False))

@@ -24,9 +24,14 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
 
     chosen = choose(store, candidate)
     found = analyse(
-        chosen.config.build_population(), chosen.waveform, n=points, n_replicates=replicates, seed=seed,
-        confidence=chosen.config.objective.confidence, model_settings=chosen.model_settings,
-    )  # fmt: skip
+        chosen.config.build_population(),
+        chosen.waveform,
+        n=points,
+        n_replicates=replicates,
+        seed=seed,
+        confidence=chosen.config.objective.confidence,
+        model_settings=chosen.model_settings,
+    )
     if as_json:
         whole = {"store": store, "candidate": chosen.candidate, "why": chosen.why, **asdict(found)}
         click.echo(json.dumps(finite(whole), indent=2, allow_nan=False))
@@ -34,11 +39,12 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
     from rich.table import Table
 
     table = Table(
-        title=f"candidate {chosen.candidate} ({chosen.why}): shares of the variance", title_justify="left",
+        title=f"candidate {chosen.candidate} ({chosen.why}): shares of the variance",
+        title_justify="left",
         caption=f"{found.n_simulated:,} switches, {found.p_contact:.1%} touched, {found.p_closed:.1%} closed; "
         f"{found.confidence:.0%} intervals",
         caption_justify="left",
-    )  # fmt: skip
+    )
     for column in ("of", "from", "by itself", "with interactions"):
         table.add_column(column, justify="left" if column in ("of", "from") else "right")
     names = {"v_cm_s": "V", "closed": "closing"}

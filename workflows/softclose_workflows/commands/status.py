@@ -14,8 +14,14 @@ import click
 @click.argument("store", metavar="STORE")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @click.option("--watch", is_flag=True, help="Live view until the campaign is finished or Ctrl-C; no terminal: lines.")
-@click.option("--interval", type=click.FloatRange(min=0.05), default=1.0, show_default=True, metavar="S",
-              help="With --watch: seconds between looks at the store.")  # fmt: skip
+@click.option(
+    "--interval",
+    type=click.FloatRange(min=0.05),
+    default=1.0,
+    show_default=True,
+    metavar="S",
+    help="With --watch: seconds between looks at the store.",
+)
 def status(store: str, as_json: bool, watch: bool, interval: float) -> None:
     """Say where the campaign in STORE stands, also while it is being written, here or elsewhere."""
     if watch:

@@ -26,8 +26,16 @@ if TYPE_CHECKING:
 @placement_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
-def study(source: str, out: str, overrides: tuple[str, ...], switches: int, top: int,
-          placement: Placement, as_json: bool, quiet: bool) -> None:  # fmt: skip
+def study(
+    source: str,
+    out: str,
+    overrides: tuple[str, ...],
+    switches: int,
+    top: int,
+    placement: Placement,
+    as_json: bool,
+    quiet: bool,
+) -> None:
     """Run a campaign for every value of one parameter, certify each, and try every optimum under every value.
 
     Stopped or killed, the same command continues; what is finished is not computed again.
@@ -39,9 +47,12 @@ def study(source: str, out: str, overrides: tuple[str, ...], switches: int, top:
     from softclose_workflows.study_file import load_study
 
     effort = Effort(
-        n_switches=switches, top=top, placement=placement,
-        threads=os.cpu_count() or 1, quiet=quiet or as_json,
-    )  # fmt: skip
+        n_switches=switches,
+        top=top,
+        placement=placement,
+        threads=os.cpu_count() or 1,
+        quiet=quiet or as_json,
+    )
     result = run_study(load_study(source, overrides), out, effort)
     if as_json:
         click.echo(json.dumps(result.to_json(), indent=2, allow_nan=False))

@@ -31,9 +31,17 @@ if TYPE_CHECKING:
 @click.option("--jitter", type=float, multiple=True, help="Standard deviation of pulse starts [µs]; repeatable.")
 @click.option("--slew", type=float, multiple=True, help="Steepest slope of the generator [V/µs]; repeatable.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
-def tolerance(store: str, candidate: int | None, switches: int, generators: int, gain: tuple[float, ...],
-              gain_sd: tuple[float, ...], jitter: tuple[float, ...], slew: tuple[float, ...],
-              as_json: bool) -> None:  # fmt: skip
+def tolerance(
+    store: str,
+    candidate: int | None,
+    switches: int,
+    generators: int,
+    gain: tuple[float, ...],
+    gain_sd: tuple[float, ...],
+    jitter: tuple[float, ...],
+    slew: tuple[float, ...],
+    as_json: bool,
+) -> None:
     """How v_u and p_nc of a waveform in STORE move with errors of the waveform generator.
 
     Each error by itself, on fresh switches: those of the certification, as many of them as asked for.
@@ -64,15 +72,26 @@ def tolerance(store: str, candidate: int | None, switches: int, generators: int,
     )
     if as_json:
         said = [
-            {"error": describe(r.error), "gain": r.error.gain, "gain_sd": r.error.gain_sd,
-             "jitter_us": r.error.jitter_us, "slew_V_per_us": r.error.slew_V_per_us,
-             "v_u_shift_cm_s": r.v_u_shift_cm_s, "p_nc_shift": r.p_nc_shift, **r.assessment.to_dict()}
+            {
+                "error": describe(r.error),
+                "gain": r.error.gain,
+                "gain_sd": r.error.gain_sd,
+                "jitter_us": r.error.jitter_us,
+                "slew_V_per_us": r.error.slew_V_per_us,
+                "v_u_shift_cm_s": r.v_u_shift_cm_s,
+                "p_nc_shift": r.p_nc_shift,
+                **r.assessment.to_dict(),
+            }
             for r in rows
-        ]  # fmt: skip
+        ]
         whole = {
-            "store": store, "candidate": chosen.candidate, "why": chosen.why, "n_switches": switches,
-            "waveform": waveform_rows_of(chosen.waveform), "rows": said,
-        }  # fmt: skip
+            "store": store,
+            "candidate": chosen.candidate,
+            "why": chosen.why,
+            "n_switches": switches,
+            "waveform": waveform_rows_of(chosen.waveform),
+            "rows": said,
+        }
         click.echo(json.dumps(finite(whole), indent=2, allow_nan=False))
         return
     from rich.table import Table
@@ -86,9 +105,13 @@ def tolerance(store: str, candidate: int | None, switches: int, generators: int,
     for r in rows:
         a = r.assessment
         table.add_row(
-            describe(r.error), with_interval(a.v_u_cm_s, *a.v_u_interval), f"{r.v_u_shift_cm_s:+.2f}",
-            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4), f"{r.p_nc_shift:+.4f}", f"{a.g_cm_s:.2f}",
-        )  # fmt: skip
+            describe(r.error),
+            with_interval(a.v_u_cm_s, *a.v_u_interval),
+            f"{r.v_u_shift_cm_s:+.2f}",
+            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4),
+            f"{r.p_nc_shift:+.4f}",
+            f"{a.g_cm_s:.2f}",
+        )
     wide_console().print(table)
 
 

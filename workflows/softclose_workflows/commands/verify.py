@@ -14,15 +14,21 @@ from softclose_workflows.commands.options import break_lock_option
     "  softclose verify runs/a.zarr --repair\n\n\b\nExit code 1: damage was found, or a bit came out otherwise."
 )
 @click.argument("store", metavar="STORE")
-@click.option("--replay", "n_replay", type=click.IntRange(min=1), metavar="K",
-              help="Compute K random chunks and proposals again and compare bits.")  # fmt: skip
+@click.option(
+    "--replay",
+    "n_replay",
+    type=click.IntRange(min=1),
+    metavar="K",
+    help="Compute K random chunks and proposals again and compare bits.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Which K.")
 @click.option("--repair", is_flag=True, help="Compute again what is damaged or missing, and prove it equal.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @break_lock_option
 @click.pass_context
-def verify(ctx: click.Context, store: str, n_replay: int | None, seed: int, repair: bool, as_json: bool,
-           break_lock: bool) -> None:  # fmt: skip
+def verify(
+    ctx: click.Context, store: str, n_replay: int | None, seed: int, repair: bool, as_json: bool, break_lock: bool
+) -> None:
     """Prove that STORE holds what was written: checksums, markers against data, records, schema, fingerprint."""
     from softclose_store import repair as repair_store
     from softclose_store import verify as verify_store
@@ -40,9 +46,11 @@ def verify(ctx: click.Context, store: str, n_replay: int | None, seed: int, repa
         report = verify_store(store)
     ok = report.ok
     told |= {
-        "candidates": report.n_committed, "chunks": report.n_chunks, "damage": [str(p) for p in report.problems],
+        "candidates": report.n_committed,
+        "chunks": report.n_chunks,
+        "damage": [str(p) for p in report.problems],
         "left_behind": list(report.orphans),
-    }  # fmt: skip
+    }
     lines += [f"damage: {problem}" for problem in report.problems]
     lines.append(f"{report.n_committed} candidates and {report.n_chunks} chunks read: {_verdict(len(report.problems))}")
     if report.orphans:
@@ -50,8 +58,11 @@ def verify(ctx: click.Context, store: str, n_replay: int | None, seed: int, repa
     if n_replay is not None and ok:
         again = replay(store, n_replay, seed)
         ok = again.ok
-        told |= {"replayed_chunks": [list(c) for c in again.chunks], "replayed_proposals": list(again.proposals),
-                 "differing": list(again.differing)}  # fmt: skip
+        told |= {
+            "replayed_chunks": [list(c) for c in again.chunks],
+            "replayed_proposals": list(again.proposals),
+            "differing": list(again.differing),
+        }
         lines += [f"differs: {what}" for what in again.differing]
         same = "every bit the same" if again.ok else f"{len(again.differing)} differ"
         lines.append(f"{len(again.chunks)} chunks and {len(again.proposals)} proposals computed again: {same}")

@@ -41,13 +41,27 @@ def response(data: ReportData) -> Figure | None:
             axes.add_collection(LineCollection(lines, colors=COLOURS["best"], linewidths=0.35, alpha=0.4))
             axes.autoscale_view()
         hard = traces.impact_cm_s >= SLOWEST_IMPACT_CM_S
-        velocity.plot(traces.impact_us[hard], traces.impact_cm_s[hard], ".", markersize=2.2,
-                      color=COLOURS["deterministic"], markeredgewidth=0.0,
-                      label=f"impacts of {SLOWEST_IMPACT_CM_S:g} cm/s or more")  # fmt: skip
+        velocity.plot(
+            traces.impact_us[hard],
+            traces.impact_cm_s[hard],
+            ".",
+            markersize=2.2,
+            color=COLOURS["deterministic"],
+            markeredgewidth=0.0,
+            label=f"impacts of {SLOWEST_IMPACT_CM_S:g} cm/s or more",
+        )
         velocity.legend(loc="upper left")
     distance.axhline(0.0, color=COLOURS["ink"], linewidth=1.0)
-    distance.annotate("contact", (horizon, 0.0), xytext=(-2, 2), textcoords="offset points", ha="right", va="bottom",
-                      fontsize=7.0, color=COLOURS["muted"])  # fmt: skip
+    distance.annotate(
+        "contact",
+        (horizon, 0.0),
+        xytext=(-2, 2),
+        textcoords="offset points",
+        ha="right",
+        va="bottom",
+        fontsize=7.0,
+        color=COLOURS["muted"],
+    )
     distance.set(ylabel="Distance to contact (µm)")
     velocity.set(ylabel="Velocity (cm/s)", xlabel="Time (µs)")
     return figure
@@ -120,8 +134,14 @@ def switches(data: ReportData) -> Figure | None:
     for axes, name in zip(grid.flat, "DGET", strict=True):
         for label, which, look in groups:
             if which.any():
-                axes.plot(data.parameters[name][: len(v)][which], np.where(never, 0.0, v)[which], label=label,
-                          linestyle="none", markeredgewidth=0.7, **look)  # fmt: skip
+                axes.plot(
+                    data.parameters[name][: len(v)][which],
+                    np.where(never, 0.0, v)[which],
+                    label=label,
+                    linestyle="none",
+                    markeredgewidth=0.7,
+                    **look,
+                )
         axes.set(xlabel=_axis_label(name))
         axes.set_ylim(bottom=0.0)
     for axes in grid[:, 0]:
@@ -159,12 +179,28 @@ def convergence(data: ReportData) -> Figure | None:
             continue
         colour = COLOURS[GROUP_COLOURS.get(name, "open")]
         spread = np.stack([c.g_cm_s - c.lower_cm_s, c.upper_cm_s - c.g_cm_s])[:, which]
-        axes.errorbar(c.index[which], c.g_cm_s[which], yerr=np.where(np.isfinite(spread), spread, 0.0), color=colour,
-                      fmt=MARKERS[symbol], fillstyle="none" if symbol.endswith("open") else "full", markersize=3.0,
-                      elinewidth=0.6, label=name)  # fmt: skip
+        axes.errorbar(
+            c.index[which],
+            c.g_cm_s[which],
+            yerr=np.where(np.isfinite(spread), spread, 0.0),
+            color=colour,
+            fmt=MARKERS[symbol],
+            fillstyle="none" if symbol.endswith("open") else "full",
+            markersize=3.0,
+            elinewidth=0.6,
+            label=name,
+        )
     if over.any():
-        axes.plot(c.index[over], np.full(int(over.sum()), c.ceiling_cm_s), "^", fillstyle="none", markersize=3.0,
-                  color=COLOURS["unshaped"], label="above the axis", clip_on=False)  # fmt: skip
+        axes.plot(
+            c.index[over],
+            np.full(int(over.sum()), c.ceiling_cm_s),
+            "^",
+            fillstyle="none",
+            markersize=3.0,
+            color=COLOURS["unshaped"],
+            label="above the axis",
+            clip_on=False,
+        )
     low = float(np.fmin(c.lower_cm_s, c.g_cm_s).min())
     axes.set(xlabel="Candidate", ylabel="Objective g (cm/s)", ylim=(max(0.0, low - 1.0), c.ceiling_cm_s))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
@@ -179,8 +215,14 @@ def length_scales(data: ReportData) -> Figure | None:
     figure = Figure(figsize=(PAGE_IN, 2.8))
     axes = figure.subplots()
     for place, (name, values) in enumerate(found.items()):
-        axes.plot(np.arange(len(values)), values, color=COLOURS[labels.SERIES[place % 5]], linestyle=LINES[place // 5],
-                  linewidth=1.0, label=labels.coordinate_label(name, unit=False))  # fmt: skip
+        axes.plot(
+            np.arange(len(values)),
+            values,
+            color=COLOURS[labels.SERIES[place % 5]],
+            linestyle=LINES[place // 5],
+            linewidth=1.0,
+            label=labels.coordinate_label(name, unit=False),
+        )
     axes.set(xlabel="Candidate", ylabel="Length scale (share of range)", yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=min(4, len(found)))

@@ -34,20 +34,32 @@ def numbers(values: FloatArray, digits: int = 4) -> list[float | None]:
 def axis(title: str, **more: Any) -> dict[str, Any]:
     """One axis in the house style."""
     return {
-        "title": {"text": title, "standoff": 8}, "gridcolor": "@grid", "linecolor": "@line", "zeroline": False,
-        "ticks": "outside", "tickcolor": "@line", "ticklen": 4, "automargin": True,
-    } | more  # fmt: skip
+        "title": {"text": title, "standoff": 8},
+        "gridcolor": "@grid",
+        "linecolor": "@line",
+        "zeroline": False,
+        "ticks": "outside",
+        "tickcolor": "@line",
+        "ticklen": 4,
+        "automargin": True,
+    } | more
 
 
 def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
     """One panel in the house style."""
     return {
-        "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "font": {"color": "@ink", "size": 13},
-        "margin": {"l": 60, "r": 18, "t": 16, "b": 48}, "xaxis": x, "yaxis": y, "showlegend": False,
-        "hoverlabel": {"bgcolor": "@card", "bordercolor": "@line", "font": {"color": "@ink"}}, "height": 340,
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "font": {"color": "@ink", "size": 13},
+        "margin": {"l": 60, "r": 18, "t": 16, "b": 48},
+        "xaxis": x,
+        "yaxis": y,
+        "showlegend": False,
+        "hoverlabel": {"bgcolor": "@card", "bordercolor": "@line", "font": {"color": "@ink"}},
+        "height": 340,
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "@muted", "activecolor": "@best"},
         "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "bgcolor": "rgba(0,0,0,0)"},
-    } | more  # fmt: skip
+    } | more
 
 
 def response(data: ReportData) -> Chart:
@@ -56,13 +68,25 @@ def response(data: ReportData) -> Chart:
     line = {"line": {"color": "@best", "width": 0.7}, "mode": "lines", "opacity": 0.6, "hoverinfo": "skip"}
     return {
         "data": [
-            {"name": "voltage", "x": [], "y": [], "mode": "lines", "line": {"color": "@ink", "width": 2},
-             "hovertemplate": "%{x:.1f} µs: %{y:.1f} V<extra></extra>"},
+            {
+                "name": "voltage",
+                "x": [],
+                "y": [],
+                "mode": "lines",
+                "line": {"color": "@ink", "width": 2},
+                "hovertemplate": "%{x:.1f} µs: %{y:.1f} V<extra></extra>",
+            },
             {"name": "distance", "x": [], "y": [], "yaxis": "y2", **line},
             {"name": "velocity", "x": [], "y": [], "yaxis": "y3", **line},
-            {"name": "impacts", "x": [], "y": [], "yaxis": "y3", "mode": "markers",
-             "marker": {"color": "@deterministic", "size": 4, "opacity": 0.75},
-             "hovertemplate": "impact at %{x:.1f} µs: %{y:.1f} cm/s<extra></extra>"},
+            {
+                "name": "impacts",
+                "x": [],
+                "y": [],
+                "yaxis": "y3",
+                "mode": "markers",
+                "marker": {"color": "@deterministic", "size": 4, "opacity": 0.75},
+                "hovertemplate": "impact at %{x:.1f} µs: %{y:.1f} cm/s<extra></extra>",
+            },
         ],
         "layout": layout(
             axis("Time (µs)", range=[0, horizon], anchor="y3"),
@@ -71,30 +95,68 @@ def response(data: ReportData) -> Chart:
             yaxis3=axis("Velocity (cm/s)", domain=[0.0, 0.35]),
             height=680,
             shapes=[
-                {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y2", "y0": 0, "y1": 0,
-                 "line": {"color": "@ink", "width": 1.4}},
-                {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y3", "y0": 0, "y1": 0,
-                 "line": {"color": "@line", "width": 1}},
+                {
+                    "type": "line",
+                    "xref": "paper",
+                    "x0": 0,
+                    "x1": 1,
+                    "yref": "y2",
+                    "y0": 0,
+                    "y1": 0,
+                    "line": {"color": "@ink", "width": 1.4},
+                },
+                {
+                    "type": "line",
+                    "xref": "paper",
+                    "x0": 0,
+                    "x1": 1,
+                    "yref": "y3",
+                    "y0": 0,
+                    "y1": 0,
+                    "line": {"color": "@line", "width": 1},
+                },
             ],
-            annotations=[{"xref": "paper", "x": 1, "xanchor": "right", "yref": "y2", "y": 0, "yanchor": "bottom",
-                          "text": "contact", "showarrow": False, "font": {"size": 12, "color": "@muted"}}],
+            annotations=[
+                {
+                    "xref": "paper",
+                    "x": 1,
+                    "xanchor": "right",
+                    "yref": "y2",
+                    "y": 0,
+                    "yanchor": "bottom",
+                    "text": "contact",
+                    "showarrow": False,
+                    "font": {"size": 12, "color": "@muted"},
+                }
+            ],
         ),
         "alt": "Three panels over time: the drive voltage, each drawn switch's distance to the closed position with "
-               "the contact line at zero, and its velocity with a mark for each impact.",
-    }  # fmt: skip
+        "the contact line at zero, and its velocity with a mark for each impact.",
+    }
 
 
 def histogram(data: ReportData) -> Chart:
     """Histogram of V with v_u and the mean, as Figs. 7, 9, 11, 12. The script fills in the candidate that is shown."""
     centres = 0.5 * (data.edges_cm_s[1:] + data.edges_cm_s[:-1])
     return {
-        "data": [{"type": "bar", "x": numbers(centres), "y": [], "width": 0.94,
-                  "marker": {"color": "@best/0.65", "line": {"width": 0}},
-                  "hovertemplate": "%{x:.1f} ± 0.5 cm/s: %{y:.2f} % of the switches<extra></extra>"}],
-        "layout": layout(axis("Largest contact speed V (cm/s)", rangemode="tozero"), axis("Share of switches (%)"),
-                         bargap=0, margin={"l": 60, "r": 18, "t": 44, "b": 48}),
+        "data": [
+            {
+                "type": "bar",
+                "x": numbers(centres),
+                "y": [],
+                "width": 0.94,
+                "marker": {"color": "@best/0.65", "line": {"width": 0}},
+                "hovertemplate": "%{x:.1f} ± 0.5 cm/s: %{y:.2f} % of the switches<extra></extra>",
+            }
+        ],
+        "layout": layout(
+            axis("Largest contact speed V (cm/s)", rangemode="tozero"),
+            axis("Share of switches (%)"),
+            bargap=0,
+            margin={"l": 60, "r": 18, "t": 44, "b": 48},
+        ),
         "alt": "Histogram of the largest contact speed V of each switch, with the upper velocity and the mean marked.",
-    }  # fmt: skip
+    }
 
 
 def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float) -> Chart:
@@ -103,30 +165,44 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
     for place, (design, colour) in enumerate(zip(designs, colours, strict=True)):
         x, y = shapes.speed_density(design.speed_cm_s, top_cm_s)
         a = design.assessment
-        traces.append({
-            "name": f"{design.name}: v<sub>u</sub> {labels.number(a.v_u_cm_s)} cm/s", "x": numbers(x),
-            "y": numbers(y, 3), "mode": "lines",
-            "line": {"color": f"@{colour}", "width": 2.2, "dash": DASHES[place % len(DASHES)]},
-            "hovertemplate": "%{y:.3f}<extra>" + plain(design.name) + "</extra>",
-            **({"fill": "tozeroy", "fillcolor": f"@{colour}/0.10"} if place == 0 else {}),
-        })  # fmt: skip
+        traces.append(
+            {
+                "name": f"{design.name}: v<sub>u</sub> {labels.number(a.v_u_cm_s)} cm/s",
+                "x": numbers(x),
+                "y": numbers(y, 3),
+                "mode": "lines",
+                "line": {"color": f"@{colour}", "width": 2.2, "dash": DASHES[place % len(DASHES)]},
+                "hovertemplate": "%{y:.3f}<extra>" + plain(design.name) + "</extra>",
+                **({"fill": "tozeroy", "fillcolor": f"@{colour}/0.10"} if place == 0 else {}),
+            }
+        )
         if math.isfinite(a.v_u_cm_s) and x.size:
-            traces.append({
-                "x": [round(a.v_u_cm_s, 3)], "y": numbers(np.interp([a.v_u_cm_s], x, y), 3), "mode": "markers",
-                "marker": {"color": f"@{colour}", "size": 10, "symbol": "line-ns-open", "line": {"width": 2.5}},
-                "showlegend": False,
-                "hovertemplate": "v<sub>u</sub> %{x:.1f} cm/s<extra>" + plain(design.name) + "</extra>",
-            })  # fmt: skip
-    spoken = "; ".join(f"{d.name}: upper velocity {labels.number(d.assessment.v_u_cm_s)}, mean "
-                       f"{labels.number(d.assessment.mean_cm_s)} cm/s" for d in designs)  # fmt: skip
+            traces.append(
+                {
+                    "x": [round(a.v_u_cm_s, 3)],
+                    "y": numbers(np.interp([a.v_u_cm_s], x, y), 3),
+                    "mode": "markers",
+                    "marker": {"color": f"@{colour}", "size": 10, "symbol": "line-ns-open", "line": {"width": 2.5}},
+                    "showlegend": False,
+                    "hovertemplate": "v<sub>u</sub> %{x:.1f} cm/s<extra>" + plain(design.name) + "</extra>",
+                }
+            )
+    spoken = "; ".join(
+        f"{d.name}: upper velocity {labels.number(d.assessment.v_u_cm_s)}, mean "
+        f"{labels.number(d.assessment.mean_cm_s)} cm/s"
+        for d in designs
+    )
     return {
         "data": traces,
-        "layout": layout(axis("Largest contact speed V (cm/s)", range=[0, top_cm_s],
-                              unifiedhovertitle={"text": "%{x:.1f} cm/s"}),
-                         axis("Density (per cm/s)", rangemode="tozero"), showlegend=True, height=380,
-                         hovermode="x unified"),
+        "layout": layout(
+            axis("Largest contact speed V (cm/s)", range=[0, top_cm_s], unifiedhovertitle={"text": "%{x:.1f} cm/s"}),
+            axis("Density (per cm/s)", rangemode="tozero"),
+            showlegend=True,
+            height=380,
+            hovermode="x unified",
+        ),
         "alt": f"Densities of the largest contact speed, one curve per design. {spoken}.",
-    }  # fmt: skip
+    }
 
 
 def plain(text: str) -> str:
@@ -148,22 +224,37 @@ def switches(data: ReportData, design: Design, name: str, limit: int = 2000) -> 
         ("never touches (drawn at 0)", never, "@open", "x-thin-open", 7),
     )
     traces = [
-        {"name": label, "x": numbers(values[:n][which]), "y": numbers(np.where(never, 0.0, v)[which]),
-         "mode": "markers",
-         "marker": {"color": colour, "symbol": symbol, "size": size, "line": {"width": 1.4 * symbol.endswith("open")}},
-         "customdata": np.flatnonzero(which).tolist(), "cliponaxis": False,
-         "hovertemplate": f"switch %{{customdata}}<br>{name} %{{x:.4g}} {unit}<br>V %{{y:.1f}} cm/s"
-                          f"<extra>{label}</extra>"}
-        for label, which, colour, symbol, size in groups if which.any()
-    ]  # fmt: skip
+        {
+            "name": label,
+            "x": numbers(values[:n][which]),
+            "y": numbers(np.where(never, 0.0, v)[which]),
+            "mode": "markers",
+            "marker": {
+                "color": colour,
+                "symbol": symbol,
+                "size": size,
+                "line": {"width": 1.4 * symbol.endswith("open")},
+            },
+            "customdata": np.flatnonzero(which).tolist(),
+            "cliponaxis": False,
+            "hovertemplate": f"switch %{{customdata}}<br>{name} %{{x:.4g}} {unit}<br>V %{{y:.1f}} cm/s"
+            f"<extra>{label}</extra>",
+        }
+        for label, which, colour, symbol, size in groups
+        if which.any()
+    ]
     words = labels.PARAMETERS[name][0]
     return {
         "data": traces,
-        "layout": layout(axis(f"{words[0].upper()}{words[1:]} ({unit})"), axis("V (cm/s)", rangemode="tozero"),
-                         height=300, margin={"l": 52, "r": 10, "t": 8, "b": 46}),
+        "layout": layout(
+            axis(f"{words[0].upper()}{words[1:]} ({unit})"),
+            axis("V (cm/s)", rangemode="tozero"),
+            height=300,
+            margin={"l": 52, "r": 10, "t": 8, "b": 46},
+        ),
         "alt": f"Largest contact speed of each switch against its {words}: {int(slam.sum())} of {n} switches are above "
-               f"the upper velocity, {int((slow | never).sum())} are not closed at the end.",
-    }  # fmt: skip
+        f"the upper velocity, {int((slow | never).sum())} are not closed at the end.",
+    }
 
 
 def population(data: ReportData, name: str) -> Chart:
@@ -174,17 +265,31 @@ def population(data: ReportData, name: str) -> Chart:
     grid, density, drawn = population_density(data, name)
     return {
         "data": [
-            {"type": "bar", "x": numbers(0.5 * (edges[1:] + edges[:-1]), 6), "y": numbers(counts),
-             "width": float(edges[1] - edges[0]), "marker": {"color": "@best/0.40", "line": {"width": 0}},
-             "hovertemplate": "%{x:.4g} " + unit + ": %{y:.3g}<extra>ensemble</extra>"},
-            {"x": numbers(grid, 6), "y": numbers(density), "mode": "lines", "line": {"color": "@ink", "width": 1.6},
-             "hovertemplate": "%{x:.4g} " + unit + ": %{y:.3g}<extra>" + drawn + "</extra>"},
+            {
+                "type": "bar",
+                "x": numbers(0.5 * (edges[1:] + edges[:-1]), 6),
+                "y": numbers(counts),
+                "width": float(edges[1] - edges[0]),
+                "marker": {"color": "@best/0.40", "line": {"width": 0}},
+                "hovertemplate": "%{x:.4g} " + unit + ": %{y:.3g}<extra>ensemble</extra>",
+            },
+            {
+                "x": numbers(grid, 6),
+                "y": numbers(density),
+                "mode": "lines",
+                "line": {"color": "@ink", "width": 1.6},
+                "hovertemplate": "%{x:.4g} " + unit + ": %{y:.3g}<extra>" + drawn + "</extra>",
+            },
         ],
-        "layout": layout(axis(f"{words[0].upper()}{words[1:]} ({unit})", nticks=6),
-                         axis("Density", rangemode="tozero", nticks=5), height=230, bargap=0,
-                         margin={"l": 48, "r": 8, "t": 8, "b": 44}),
+        "layout": layout(
+            axis(f"{words[0].upper()}{words[1:]} ({unit})", nticks=6),
+            axis("Density", rangemode="tozero", nticks=5),
+            height=230,
+            bargap=0,
+            margin={"l": 48, "r": 8, "t": 8, "b": 44},
+        ),
         "alt": f"{words}: mean {values.mean():.4g} {unit}, from {values.min():.4g} to {values.max():.4g}.",
-    }  # fmt: skip
+    }
 
 
 def population_density(data: ReportData, name: str) -> tuple[FloatArray, FloatArray, str]:
@@ -211,41 +316,75 @@ def convergence(data: ReportData) -> Chart:
     over = c.g_cm_s > c.ceiling_cm_s
     groups = np.array([shapes.origin_group(data.candidates.origin[int(i)]) for i in c.index], dtype=object)
     traces: list[Chart] = [
-        {"name": "best so far", "x": numbers(c.index, 6), "y": numbers(c.best_cm_s), "mode": "lines",
-         "line": {"color": "@ink", "width": 1.8, "shape": "hv"},
-         "hovertemplate": "best so far %{y:.2f} cm/s<extra></extra>"}]  # fmt: skip
+        {
+            "name": "best so far",
+            "x": numbers(c.index, 6),
+            "y": numbers(c.best_cm_s),
+            "mode": "lines",
+            "line": {"color": "@ink", "width": 1.8, "shape": "hv"},
+            "hovertemplate": "best so far %{y:.2f} cm/s<extra></extra>",
+        }
+    ]
     for name, _, symbol in shapes.ORIGINS:
         which = (groups == name) & ~over
         if not which.any():
             continue
         colour, top = f"@{GROUP_COLOURS.get(name, 'open')}", np.minimum(c.upper_cm_s, c.ceiling_cm_s)
-        traces.append({
-            "name": name, "x": numbers(c.index[which], 6), "y": numbers(c.g_cm_s[which]), "mode": "markers",
-            "marker": {"color": colour, "symbol": symbol, "size": 7},
-            "error_y": {"type": "data", "symmetric": False, "array": numbers((top - c.g_cm_s)[which]),
-                        "arrayminus": numbers((c.g_cm_s - c.lower_cm_s)[which]), "thickness": 1, "width": 0,
-                        "color": f"{colour}/0.55"},
-            "hovertemplate": "candidate %{x}: g %{y:.2f} cm/s<extra>" + name + "</extra>",
-        })  # fmt: skip
+        traces.append(
+            {
+                "name": name,
+                "x": numbers(c.index[which], 6),
+                "y": numbers(c.g_cm_s[which]),
+                "mode": "markers",
+                "marker": {"color": colour, "symbol": symbol, "size": 7},
+                "error_y": {
+                    "type": "data",
+                    "symmetric": False,
+                    "array": numbers((top - c.g_cm_s)[which]),
+                    "arrayminus": numbers((c.g_cm_s - c.lower_cm_s)[which]),
+                    "thickness": 1,
+                    "width": 0,
+                    "color": f"{colour}/0.55",
+                },
+                "hovertemplate": "candidate %{x}: g %{y:.2f} cm/s<extra>" + name + "</extra>",
+            }
+        )
     if over.any():
-        traces.append({"name": "above the axis", "x": numbers(c.index[over], 6), "mode": "markers",
-                       "y": [c.ceiling_cm_s] * int(over.sum()),
-                       "marker": {"color": "@unshaped", "symbol": "triangle-up-open", "size": 7},
-                       "customdata": numbers(c.g_cm_s[over]),
-                       "hovertemplate": "candidate %{x}: g %{customdata:.2f} cm/s<extra></extra>"})  # fmt: skip
+        traces.append(
+            {
+                "name": "above the axis",
+                "x": numbers(c.index[over], 6),
+                "mode": "markers",
+                "y": [c.ceiling_cm_s] * int(over.sum()),
+                "marker": {"color": "@unshaped", "symbol": "triangle-up-open", "size": 7},
+                "customdata": numbers(c.g_cm_s[over]),
+                "hovertemplate": "candidate %{x}: g %{customdata:.2f} cm/s<extra></extra>",
+            }
+        )
     if c.failed.size:
-        traces.append({"name": "failed", "x": numbers(c.failed, 6), "mode": "markers",
-                       "y": [c.ceiling_cm_s] * c.failed.size, "marker": {"color": "@open", "symbol": "x", "size": 8},
-                       "hovertemplate": "candidate %{x} failed<extra></extra>"})  # fmt: skip
+        traces.append(
+            {
+                "name": "failed",
+                "x": numbers(c.failed, 6),
+                "mode": "markers",
+                "y": [c.ceiling_cm_s] * c.failed.size,
+                "marker": {"color": "@open", "symbol": "x", "size": 8},
+                "hovertemplate": "candidate %{x} failed<extra></extra>",
+            }
+        )
     low = float(np.fmin(c.lower_cm_s, c.g_cm_s).min()) if c.g_cm_s.size else 0.0
     return {
         "data": traces,
-        "layout": layout(axis("Candidate", rangemode="nonnegative"),
-                         axis("Objective g (cm/s)", range=[max(0.0, low - 1.0), c.ceiling_cm_s + 0.6]), showlegend=True,
-                         height=400, clickmode="event"),
+        "layout": layout(
+            axis("Candidate", rangemode="nonnegative"),
+            axis("Objective g (cm/s)", range=[max(0.0, low - 1.0), c.ceiling_cm_s + 0.6]),
+            showlegend=True,
+            height=400,
+            clickmode="event",
+        ),
         "alt": "Objective g of every candidate with its interval, and the best so far"
-               + (f", which falls from {c.best_cm_s[0]:.1f} to {c.best_cm_s[-1]:.1f} cm/s." if c.g_cm_s.size else "."),
-    }  # fmt: skip
+        + (f", which falls from {c.best_cm_s[0]:.1f} to {c.best_cm_s[-1]:.1f} cm/s." if c.g_cm_s.size else "."),
+    }
 
 
 def length_scales(data: ReportData) -> Chart | None:
@@ -253,19 +392,29 @@ def length_scales(data: ReportData) -> Chart | None:
     traces: list[Chart] = []
     for place, (name, values) in enumerate(shapes.length_scales(data).items()):
         which, label = np.isfinite(values), labels.coordinate_label(name, unit=False)
-        traces.append({"name": plain(label), "x": numbers(np.flatnonzero(which).astype(float), 6),
-                       "y": numbers(values[which]), "mode": "lines",
-                       "line": {"width": 1.7, "dash": DASHES[place // 5], "color": f"@{labels.SERIES[place % 5]}"},
-                       "hovertemplate": "%{y:.2f}<extra>" + plain(label) + "</extra>"})  # fmt: skip
+        traces.append(
+            {
+                "name": plain(label),
+                "x": numbers(np.flatnonzero(which).astype(float), 6),
+                "y": numbers(values[which]),
+                "mode": "lines",
+                "line": {"width": 1.7, "dash": DASHES[place // 5], "color": f"@{labels.SERIES[place % 5]}"},
+                "hovertemplate": "%{y:.2f}<extra>" + plain(label) + "</extra>",
+            }
+        )
     if not traces:
         return None
     return {
         "data": traces,
-        "layout": layout(axis("Candidate", unifiedhovertitle={"text": "candidate %{x}"}),
-                         axis("Length scale (share of the range)", type="log", dtick=1),
-                         showlegend=True, height=360, hovermode="x unified"),
+        "layout": layout(
+            axis("Candidate", unifiedhovertitle={"text": "candidate %{x}"}),
+            axis("Length scale (share of the range)", type="log", dtick=1),
+            showlegend=True,
+            height=360,
+            hovermode="x unified",
+        ),
         "alt": "Length scales of the surrogate over the campaign, one line per parameter; short scales matter most.",
-    }  # fmt: skip
+    }
 
 
 def dependence(d: Dependence, i: int, span: tuple[float, float]) -> Chart:
@@ -280,21 +429,41 @@ def dependence(d: Dependence, i: int, span: tuple[float, float]) -> Chart:
         "data": [
             {"x": x, "y": numbers(d.slice_cm_s[i] - 2.0 * sd), **edge},
             {"x": x, "y": numbers(d.slice_cm_s[i] + 2.0 * sd), **edge, "fill": "tonexty", "fillcolor": "@best/0.18"},
-            {"x": x, "y": numbers(d.slice_cm_s[i]), "mode": "lines", "line": {"color": "@best", "width": 2},
-             "hovertemplate": "%{x:.4g}: %{y:.1f} cm/s<extra>through the smallest g</extra>"},
-            {"x": x, "y": numbers(d.mean_cm_s[i]), "mode": "lines",
-             "line": {"color": "@deterministic", "width": 2, "dash": "dash"},
-             "hovertemplate": "%{x:.4g}: %{y:.1f} cm/s<extra>average</extra>"},
+            {
+                "x": x,
+                "y": numbers(d.slice_cm_s[i]),
+                "mode": "lines",
+                "line": {"color": "@best", "width": 2},
+                "hovertemplate": "%{x:.4g}: %{y:.1f} cm/s<extra>through the smallest g</extra>",
+            },
+            {
+                "x": x,
+                "y": numbers(d.mean_cm_s[i]),
+                "mode": "lines",
+                "line": {"color": "@deterministic", "width": 2, "dash": "dash"},
+                "hovertemplate": "%{x:.4g}: %{y:.1f} cm/s<extra>average</extra>",
+            },
         ],
-        "layout": layout(axis(label[0].upper() + label[1:], nticks=6), axis("g (cm/s)", nticks=5, range=list(span)),
-                         height=240,
-                         margin={"l": 50, "r": 8, "t": 8, "b": 46},
-                         shapes=[{"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": float(d.incumbent[i]),
-                                  "x1": float(d.incumbent[i]),
-                                  "line": {"color": "@muted", "width": 1.2, "dash": "dot"}}]),
+        "layout": layout(
+            axis(label[0].upper() + label[1:], nticks=6),
+            axis("g (cm/s)", nticks=5, range=list(span)),
+            height=240,
+            margin={"l": 50, "r": 8, "t": 8, "b": 46},
+            shapes=[
+                {
+                    "type": "line",
+                    "yref": "paper",
+                    "y0": 0,
+                    "y1": 1,
+                    "x0": float(d.incumbent[i]),
+                    "x1": float(d.incumbent[i]),
+                    "line": {"color": "@muted", "width": 1.2, "dash": "dot"},
+                }
+            ],
+        ),
         "alt": f"Expected objective against {label}: length scale {d.length_scales[i]:.2f} of the range, best at "
-               f"{d.incumbent[i]:.4g}.",
-    }  # fmt: skip
+        f"{d.incumbent[i]:.4g}.",
+    }
 
 
 def pair(d: Dependence, place: int) -> Chart:
@@ -303,16 +472,37 @@ def pair(d: Dependence, place: int) -> Chart:
     first, second = (labels.coordinate_label(d.names[k]) for k in (i, j))
     return {
         "data": [
-            {"type": "contour", "x": numbers(d.pair_grid[i], 5), "y": numbers(d.pair_grid[j], 5),
-             "z": [numbers(row) for row in d.pair_cm_s[place]], "colorscale": "Cividis", "reversescale": True,
-             "ncontours": 18, "line": {"width": 0.4}, "contours": {"coloring": "fill"},
-             "colorbar": {"title": {"text": "g (cm/s)", "side": "right"}, "thickness": 14, "outlinewidth": 0,
-                          "tickcolor": "@line"},
-             "hovertemplate": "%{x:.4g}, %{y:.4g}: %{z:.1f} cm/s<extra></extra>"},
-            {"x": [float(d.incumbent[i])], "y": [float(d.incumbent[j])], "mode": "markers",
-             "marker": {"symbol": "circle", "size": 11, "color": "#ffffff", "line": {"color": "#000000", "width": 2}},
-             "hovertemplate": "candidate of smallest g<extra></extra>"},
+            {
+                "type": "contour",
+                "x": numbers(d.pair_grid[i], 5),
+                "y": numbers(d.pair_grid[j], 5),
+                "z": [numbers(row) for row in d.pair_cm_s[place]],
+                "colorscale": "Cividis",
+                "reversescale": True,
+                "ncontours": 18,
+                "line": {"width": 0.4},
+                "contours": {"coloring": "fill"},
+                "colorbar": {
+                    "title": {"text": "g (cm/s)", "side": "right"},
+                    "thickness": 14,
+                    "outlinewidth": 0,
+                    "tickcolor": "@line",
+                },
+                "hovertemplate": "%{x:.4g}, %{y:.4g}: %{z:.1f} cm/s<extra></extra>",
+            },
+            {
+                "x": [float(d.incumbent[i])],
+                "y": [float(d.incumbent[j])],
+                "mode": "markers",
+                "marker": {
+                    "symbol": "circle",
+                    "size": 11,
+                    "color": "#ffffff",
+                    "line": {"color": "#000000", "width": 2},
+                },
+                "hovertemplate": "candidate of smallest g<extra></extra>",
+            },
         ],
         "layout": layout(axis(first[0].upper() + first[1:]), axis(second[0].upper() + second[1:]), height=420),
         "alt": f"Map of the expected objective over {first} and {second}; the candidate of smallest g is marked.",
-    }  # fmt: skip
+    }

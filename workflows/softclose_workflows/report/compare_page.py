@@ -18,18 +18,30 @@ def render_comparison(entries: Sequence[Entry]) -> str:
     figures = _figures(entries)
     return render(
         "compare.html.j2",
-        payload={"palettes": labels.PALETTE, "figures": {k: {"data": f["data"], "layout": f["layout"]}
-                                                         for k, f in figures.items()}},
-        figures=figures, entries=entries, rows=table_rows(entries), settings=differing_settings(entries),
+        payload={
+            "palettes": labels.PALETTE,
+            "figures": {k: {"data": f["data"], "layout": f["layout"]} for k, f in figures.items()},
+        },
+        figures=figures,
+        entries=entries,
+        rows=table_rows(entries),
+        settings=differing_settings(entries),
         certified=[e for e in entries if e.data.certification is not None],
-    )  # fmt: skip
+    )
 
 
 def table_rows(entries: Sequence[Entry]) -> list[tuple[str, list[str]]]:
     """(figure, its text for each campaign); intervals in brackets where they hold."""
     found = [_metrics(entry) for entry in entries]
-    names = ("Upper velocity (cm/s)", "Mean V (cm/s)", "Not closed", "Objective g (cm/s)", "Judged on",
-             "Best candidate", "Candidates")  # fmt: skip
+    names = (
+        "Upper velocity (cm/s)",
+        "Mean V (cm/s)",
+        "Not closed",
+        "Objective g (cm/s)",
+        "Judged on",
+        "Best candidate",
+        "Candidates",
+    )
     return [(name, [texts[k] for texts in found]) for k, name in enumerate(names)]
 
 
@@ -80,9 +92,15 @@ def _figures(entries: Sequence[Entry]) -> dict[str, charts.Chart]:
 
 
 def _line(k: int, label: str) -> dict[str, Any]:
-    return {"name": charts.plain(label), "mode": "lines",
-            "line": {"color": f"@{labels.SERIES[k % len(labels.SERIES)]}", "width": 2,
-                     "dash": charts.DASHES[k % len(charts.DASHES)]}}  # fmt: skip
+    return {
+        "name": charts.plain(label),
+        "mode": "lines",
+        "line": {
+            "color": f"@{labels.SERIES[k % len(labels.SERIES)]}",
+            "width": 2,
+            "dash": charts.DASHES[k % len(charts.DASHES)],
+        },
+    }
 
 
 def _waveforms(entries: Sequence[Entry]) -> charts.Chart:
@@ -91,16 +109,21 @@ def _waveforms(entries: Sequence[Entry]) -> charts.Chart:
         if e.design is None:
             continue
         times, volts = packed.waveform_points(e.design.waveform, e.data.config.model.horizon_us)
-        traces.append({
-            **_line(k, e.label), "x": charts.numbers(times, 6), "y": charts.numbers(volts, 5),
-            "hovertemplate": "%{x:.1f} µs: %{y:.1f} V<extra>" + charts.plain(e.label) + "</extra>",
-        })  # fmt: skip
+        traces.append(
+            {
+                **_line(k, e.label),
+                "x": charts.numbers(times, 6),
+                "y": charts.numbers(volts, 5),
+                "hovertemplate": "%{x:.1f} µs: %{y:.1f} V<extra>" + charts.plain(e.label) + "</extra>",
+            }
+        )
     return {
         "data": traces,
-        "layout": charts.layout(charts.axis("Time (µs)"), charts.axis("Voltage (V)", rangemode="tozero"),
-                                showlegend=True),
+        "layout": charts.layout(
+            charts.axis("Time (µs)"), charts.axis("Voltage (V)", rangemode="tozero"), showlegend=True
+        ),
         "alt": "Drive voltage of each campaign's best waveform over time.",
-    }  # fmt: skip
+    }
 
 
 def _convergence(entries: Sequence[Entry]) -> charts.Chart:
@@ -110,16 +133,22 @@ def _convergence(entries: Sequence[Entry]) -> charts.Chart:
         if c.index.size:
             line = _line(k, e.label)
             line["line"]["shape"] = "hv"
-            traces.append({
-                **line, "x": charts.numbers(c.index, 6), "y": charts.numbers(c.best_cm_s),
-                "hovertemplate": "candidate %{x}: %{y:.2f} cm/s<extra>" + charts.plain(e.label) + "</extra>",
-            })  # fmt: skip
+            traces.append(
+                {
+                    **line,
+                    "x": charts.numbers(c.index, 6),
+                    "y": charts.numbers(c.best_cm_s),
+                    "hovertemplate": "candidate %{x}: %{y:.2f} cm/s<extra>" + charts.plain(e.label) + "</extra>",
+                }
+            )
             ceilings.append((float(c.best_cm_s.min()), c.ceiling_cm_s))
     low, high = (min(c[0] for c in ceilings), max(c[1] for c in ceilings)) if ceilings else (0.0, 1.0)
     return {
         "data": traces,
-        "layout": charts.layout(charts.axis("Candidate", rangemode="nonnegative"),
-                                charts.axis("Best g so far (cm/s)", range=[max(0.0, low - 1.0), high]),
-                                showlegend=True),
+        "layout": charts.layout(
+            charts.axis("Candidate", rangemode="nonnegative"),
+            charts.axis("Best g so far (cm/s)", range=[max(0.0, low - 1.0), high]),
+            showlegend=True,
+        ),
         "alt": "Smallest objective so far over each campaign's candidates, on its own training switches.",
-    }  # fmt: skip
+    }

@@ -40,8 +40,9 @@ def read_entries(paths: Sequence[str]) -> list[Entry]:
         raise CompareError(f"got {len(paths)} store; give two or more to compare")
     found = [gather(path, learned=False, picks=False) for path in paths]
     names = [data.config.campaign.name for data in found]
-    labels = [name if names.count(name) == 1 else f"{name} ({data.source})"
-              for name, data in zip(names, found, strict=True)]  # fmt: skip
+    labels = [
+        name if names.count(name) == 1 else f"{name} ({data.source})" for name, data in zip(names, found, strict=True)
+    ]
     labels = [label if labels.count(label) == 1 else f"{label}, {k}" for k, label in enumerate(labels, start=1)]
     return [
         Entry(label=label, data=data, design=data.judged_designs[0] if data.judged_designs else None)
@@ -86,17 +87,31 @@ def _entry_to_json(entry: Entry) -> dict[str, Any]:
     if entry.design is not None:
         a = entry.design.assessment
         found = {
-            "candidate": data.best, "g_cm_s": _number(a.g_cm_s), "g_interval_cm_s": _pair(a.g_interval),
-            "v_u_cm_s": _number(a.v_u_cm_s), "v_u_interval_cm_s": _pair(a.v_u_interval),
-            "mean_cm_s": _number(a.mean_cm_s), "p_nc": _number(a.p_nc), "p_nc_wilson": _pair(a.p_nc_intervals.wilson),
-            "n_switches": a.n, "certified": data.certification is not None, "intervals_valid": a.intervals_valid,
+            "candidate": data.best,
+            "g_cm_s": _number(a.g_cm_s),
+            "g_interval_cm_s": _pair(a.g_interval),
+            "v_u_cm_s": _number(a.v_u_cm_s),
+            "v_u_interval_cm_s": _pair(a.v_u_interval),
+            "mean_cm_s": _number(a.mean_cm_s),
+            "p_nc": _number(a.p_nc),
+            "p_nc_wilson": _pair(a.p_nc_intervals.wilson),
+            "n_switches": a.n,
+            "certified": data.certification is not None,
+            "intervals_valid": a.intervals_valid,
             "waveform": [[None if math.isinf(v) else v for v in row] for row in entry.design.waveform.rows().tolist()],
-        }  # fmt: skip
+        }
     return {
-        "label": entry.label, "store": data.source, "fingerprint": data.fingerprint, "seed": data.config.campaign.seed,
-        "population": data.config.population.name, "space": data.config.waveform.space,
-        "engine": data.config.optimiser.engine, "committed": data.n_committed, "budget": data.n_total, "best": found,
-    }  # fmt: skip
+        "label": entry.label,
+        "store": data.source,
+        "fingerprint": data.fingerprint,
+        "seed": data.config.campaign.seed,
+        "population": data.config.population.name,
+        "space": data.config.waveform.space,
+        "engine": data.config.optimiser.engine,
+        "committed": data.n_committed,
+        "budget": data.n_total,
+        "best": found,
+    }
 
 
 def _number(value: float) -> float | None:

@@ -129,7 +129,12 @@ class ReportData:
             return self.designs
         best = c.best if self.best is None else next((d for d in c.candidates if d.candidate == self.best), c.best)
         return tuple(
-            Design(name=DESIGN_NAMES.get(d.name, "best candidate"), waveform=d.waveform, closed=d.response.closed,
-                   speed_cm_s=d.response.max_contact_speed * CM_S, assessment=d.assessment)
+            Design(
+                name=DESIGN_NAMES.get(d.name, "best candidate"),
+                waveform=d.waveform,
+                closed=d.response.closed,
+                speed_cm_s=d.response.max_contact_speed * CM_S,
+                assessment=d.assessment,
+            )
             for d in (best, *reversed(c.references))
-        )  # fmt: skip
+        )

@@ -163,18 +163,28 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
     n = len(responses.max_contact_speed)
     designs = [
         Design(
-            name="best candidate", waveform=Waveform.from_rows(campaign.waveform(best)),
-            speed_cm_s=responses.max_contact_speed * CM_S, closed=responses.closed,
+            name="best candidate",
+            waveform=Waveform.from_rows(campaign.waveform(best)),
+            speed_cm_s=responses.max_contact_speed * CM_S,
+            closed=responses.closed,
             assessment=assess(responses, **settings),
-            traces=_traces(campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES],
-                           _step(config.store.n_times, 500)),
+            traces=_traces(
+                campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES], _step(config.store.n_times, 500)
+            ),
         )
-    ]  # fmt: skip
+    ]
     switches = campaign.switches()[:n]
     for name, waveform in reversed(reference_designs(config).items()):
         r = respond(config.model, config.compute, switches, waveform)
-        designs.append(Design(name=DESIGN_NAMES[name], waveform=waveform, speed_cm_s=r.max_contact_speed * CM_S,
-                              closed=r.closed, assessment=assess(r, **settings)))  # fmt: skip
+        designs.append(
+            Design(
+                name=DESIGN_NAMES[name],
+                waveform=waveform,
+                speed_cm_s=r.max_contact_speed * CM_S,
+                closed=r.closed,
+                assessment=assess(r, **settings),
+            )
+        )
     return tuple(designs)
 
 

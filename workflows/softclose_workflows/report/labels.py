@@ -7,16 +7,36 @@ import re
 
 PALETTE: dict[str, dict[str, str]] = {
     "light": {
-        "paper": "#ffffff", "card": "#f6f7f9", "ink": "#1b1f24", "muted": "#57606a", "line": "#d0d7de",
-        "grid": "#e6e9ed", "best": "#0a67a6", "deterministic": "#c14a00", "unshaped": "#626a73", "open": "#a3347a",
-        "extra": "#00795a", "warn": "#7a4b00", "warnpaper": "#fff6dd",
+        "paper": "#ffffff",
+        "card": "#f6f7f9",
+        "ink": "#1b1f24",
+        "muted": "#57606a",
+        "line": "#d0d7de",
+        "grid": "#e6e9ed",
+        "best": "#0a67a6",
+        "deterministic": "#c14a00",
+        "unshaped": "#626a73",
+        "open": "#a3347a",
+        "extra": "#00795a",
+        "warn": "#7a4b00",
+        "warnpaper": "#fff6dd",
     },
     "dark": {
-        "paper": "#12161b", "card": "#1b2128", "ink": "#e8ecf0", "muted": "#a5afba", "line": "#3a434d",
-        "grid": "#2a323b", "best": "#5bb4ee", "deterministic": "#f58a4b", "unshaped": "#a9b3bd", "open": "#ee93cd",
-        "extra": "#3fc79d", "warn": "#f2cc72", "warnpaper": "#33290f",
+        "paper": "#12161b",
+        "card": "#1b2128",
+        "ink": "#e8ecf0",
+        "muted": "#a5afba",
+        "line": "#3a434d",
+        "grid": "#2a323b",
+        "best": "#5bb4ee",
+        "deterministic": "#f58a4b",
+        "unshaped": "#a9b3bd",
+        "open": "#ee93cd",
+        "extra": "#3fc79d",
+        "warn": "#f2cc72",
+        "warnpaper": "#33290f",
     },
-}  # fmt: skip
+}
 """Roles rather than colours. The four data colours keep apart under protanopia, deuteranopia and in grey (they differ
 in lightness, and every use adds a dash, a marker or a label); each has a contrast of at least 4.5 to its paper."""
 

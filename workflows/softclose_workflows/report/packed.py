@@ -36,10 +36,12 @@ def pack_traces(traces: Traces) -> dict[str, Any]:
         "times": [round(float(t), 4) for t in traces.times_us],
         "x": pack(traces.distance_um),
         "v": pack(traces.velocity_cm_s),
-        "impacts": [[round(float(t), 2), round(float(s), 2)]
-                    for t, s in zip(traces.impact_us.ravel(), traces.impact_cm_s.ravel(), strict=True)
-                    if s >= SLOWEST_IMPACT_CM_S],
-    }  # fmt: skip
+        "impacts": [
+            [round(float(t), 2), round(float(s), 2)]
+            for t, s in zip(traces.impact_us.ravel(), traces.impact_cm_s.ravel(), strict=True)
+            if s >= SLOWEST_IMPACT_CM_S
+        ],
+    }
 
 
 def pack_waveform(waveform: Waveform, horizon_us: float) -> list[list[float]]:

@@ -26,13 +26,24 @@ def render_report(data: ReportData) -> str:
     return render(
         "report.html.j2",
         payload={
-            "palettes": labels.PALETTE, "figures": {name: _drawn(chart) for name, chart in figures.items()},
-            "picks": picks, "best": data.best, "horizon": data.config.model.horizon_us,
+            "palettes": labels.PALETTE,
+            "figures": {name: _drawn(chart) for name, chart in figures.items()},
+            "picks": picks,
+            "best": data.best,
+            "horizon": data.config.model.horizon_us,
         },
-        data=data, figures=figures, picks=picks, headline=headline(data), candidates=candidate_rows(data),
-        provenance=provenance(data), dependence=data.dependence, labels=labels,
-        pairs=_pair_names(data), best=data.best_design, has_notes=any(data.candidates.note),
-    )  # fmt: skip
+        data=data,
+        figures=figures,
+        picks=picks,
+        headline=headline(data),
+        candidates=candidate_rows(data),
+        provenance=provenance(data),
+        dependence=data.dependence,
+        labels=labels,
+        pairs=_pair_names(data),
+        best=data.best_design,
+        has_notes=any(data.candidates.note),
+    )
 
 
 def render(template: str, *, payload: dict[str, Any], **context: Any) -> str:
@@ -41,15 +52,22 @@ def render(template: str, *, payload: dict[str, Any], **context: Any) -> str:
     from markupsafe import Markup
 
     environment = Environment(
-        loader=PackageLoader("softclose_workflows.report", "assets"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+        loader=PackageLoader("softclose_workflows.report", "assets"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     library, script, style = _library(), _asset("page.js"), _asset("page.css")
     return environment.get_template(template).render(
-        library=Markup(library), script=Markup(script), style=Markup(_roles() + style),
-        payload=Markup(_json(payload)), script_digests=[_digest(library), _digest(script)], version=__version__,
+        library=Markup(library),
+        script=Markup(script),
+        style=Markup(_roles() + style),
+        payload=Markup(_json(payload)),
+        script_digests=[_digest(library), _digest(script)],
+        version=__version__,
         **context,
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=1)

@@ -96,10 +96,14 @@ def convergence(data: ReportData) -> Convergence:
         ceiling = max(float(np.quantile(g, 0.6)), low + 10.0, 1.5 * low)
         ceiling = min(ceiling * 1.05, float(g.max()) * 1.05)
     return Convergence(
-        index=usable.astype(np.float64), g_cm_s=g, lower_cm_s=c["g_lower_cm_s"][usable],
-        upper_cm_s=c["g_upper_cm_s"][usable], best_cm_s=best, ceiling_cm_s=ceiling,
+        index=usable.astype(np.float64),
+        g_cm_s=g,
+        lower_cm_s=c["g_lower_cm_s"][usable],
+        upper_cm_s=c["g_upper_cm_s"][usable],
+        best_cm_s=best,
+        ceiling_cm_s=ceiling,
         failed=np.setdiff1d(np.arange(len(data.candidates)), usable).astype(np.float64),
-    )  # fmt: skip
+    )
 
 
 ORIGINS: tuple[tuple[str, tuple[str, ...], str], ...] = (
@@ -123,8 +127,11 @@ def origin_group(origin: str) -> str:
 def length_scales(data: ReportData) -> dict[str, FloatArray]:
     """(n_candidate,) length scale of each parameter, NaN where no surrogate was asked; pulse by pulse."""
     prefix = "length_scale_"
-    found = {name.removeprefix(prefix): values for name, values in data.candidates.surrogate.items()
-             if name.startswith(prefix) and np.isfinite(values).any()}  # fmt: skip
+    found = {
+        name.removeprefix(prefix): values
+        for name, values in data.candidates.surrogate.items()
+        if name.startswith(prefix) and np.isfinite(values).any()
+    }
     return dict(sorted(found.items(), key=lambda item: (item[0][-1], item[0])))
 
 

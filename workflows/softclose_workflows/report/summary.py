@@ -25,10 +25,13 @@ def headline(data: ReportData) -> dict[str, Any]:
         if math.isfinite(a.v_u_cm_s) and a.v_u_cm_s < d.assessment.v_u_cm_s
     ]
     return {
-        "cards": _cards(data, a), "valid": a.intervals_valid, "n": a.n, "compared": " and ".join(compared),
+        "cards": _cards(data, a),
+        "valid": a.intervals_valid,
+        "n": a.n,
+        "compared": " and ".join(compared),
         "confidence": 100.0 * a.confidence,
         "certified": None if certification is None else _certified(data, certification),
-    }  # fmt: skip
+    }
 
 
 def _certified(data: ReportData, c: Certification) -> dict[str, Any]:
@@ -56,20 +59,34 @@ def _cards(data: ReportData, a: Assessment) -> list[dict[str, str]]:
 
     digits = 2 if a.n >= 20_000 else 1
     cards = [
-        {"title": "Upper velocity", "value": f"{number(a.v_u_cm_s, digits)} cm/s",
-         "interval": bounds(interval(*a.v_u_interval, digits)),
-         "what": f"{100.0 * a.level:g}\u202f% of the switches that touch stay at or below it"},
-        {"title": "Mean contact speed", "value": f"{number(a.mean_cm_s, digits)} cm/s",
-         "interval": bounds(interval(*a.mean_interval, digits)), "what": "over the switches that touch"},
-        {"title": "Not closed", "value": percent(a.p_nc, digits),
-         "interval": bounds(percent_interval(*a.p_nc_intervals.wilson, digits)),
-         "what": f"not held in contact at {data.config.model.horizon_us:g} µs"},
-    ]  # fmt: skip
+        {
+            "title": "Upper velocity",
+            "value": f"{number(a.v_u_cm_s, digits)} cm/s",
+            "interval": bounds(interval(*a.v_u_interval, digits)),
+            "what": f"{100.0 * a.level:g}\u202f% of the switches that touch stay at or below it",
+        },
+        {
+            "title": "Mean contact speed",
+            "value": f"{number(a.mean_cm_s, digits)} cm/s",
+            "interval": bounds(interval(*a.mean_interval, digits)),
+            "what": "over the switches that touch",
+        },
+        {
+            "title": "Not closed",
+            "value": percent(a.p_nc, digits),
+            "interval": bounds(percent_interval(*a.p_nc_intervals.wilson, digits)),
+            "what": f"not held in contact at {data.config.model.horizon_us:g} µs",
+        },
+    ]
     cards += [
-        {"title": f"Faster than {e.limit_cm_s:g} cm/s", "value": percent(e.probability.estimate, digits),
-         "interval": bounds(percent_interval(*e.probability.wilson, digits)), "what": "of the switches that touch"}
+        {
+            "title": f"Faster than {e.limit_cm_s:g} cm/s",
+            "value": percent(e.probability.estimate, digits),
+            "interval": bounds(percent_interval(*e.probability.wilson, digits)),
+            "what": "of the switches that touch",
+        }
         for e in a.p_exceed[:1]
-    ]  # fmt: skip
+    ]
     return cards
 
 
@@ -86,10 +103,13 @@ def metrics(data: ReportData, i: int) -> list[list[str]]:
     ]
     for limit in data.config.objective.limits_cm_s:
         name = f"{limit:g}"
-        rows.append([
-            f"faster than {name} cm/s", percent(c[f"p_exceed_{name}"], 2),
-            percent_interval(c[f"p_exceed_wilson_{name}_lower"], c[f"p_exceed_wilson_{name}_upper"], 2),
-        ])  # fmt: skip
+        rows.append(
+            [
+                f"faster than {name} cm/s",
+                percent(c[f"p_exceed_{name}"], 2),
+                percent_interval(c[f"p_exceed_wilson_{name}_lower"], c[f"p_exceed_wilson_{name}_upper"], 2),
+            ]
+        )
     return [*rows, ["switches", f"{int(data.candidates.n_switches[i]):,}".replace(",", "\u202f"), ""]]
 
 
@@ -105,16 +125,26 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
             _cell(c["g_cm_s"], number(c["g_cm_s"], 2), interval(c["g_lower_cm_s"], c["g_upper_cm_s"])),
             _cell(c["v_u_cm_s"], number(c["v_u_cm_s"], 2), interval(c["v_u_lower_cm_s"], c["v_u_upper_cm_s"])),
             _cell(c["mean_cm_s"], number(c["mean_cm_s"], 2)),
-            _cell(c["p_nc"], number(100.0 * c["p_nc"], 1),
-                  percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"]).removesuffix("\u202f%")),
-        ]  # fmt: skip
+            _cell(
+                c["p_nc"],
+                number(100.0 * c["p_nc"], 1),
+                percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"]).removesuffix("\u202f%"),
+            ),
+        ]
         if limit:
             cells.append(_cell(c[f"p_exceed_{limit}"], number(100.0 * c[f"p_exceed_{limit}"], 1)))
         cells.append(_cell(float(t.n_switches[i]), str(int(t.n_switches[i]))))
-        rows.append({
-            "index": i, "origin": t.origin[i], "note": t.note[i], "failed": bool(t.failed[i]), "cells": cells,
-            "best": i == data.best, "beyond_print": place[i] >= 30,
-        })  # fmt: skip
+        rows.append(
+            {
+                "index": i,
+                "origin": t.origin[i],
+                "note": t.note[i],
+                "failed": bool(t.failed[i]),
+                "cells": cells,
+                "best": i == data.best,
+                "beyond_print": place[i] >= 30,
+            }
+        )
     return rows
 
 
