@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from softclose import Pulse, Waveform, load_population, simulate
-from softclose._kernel import devices
-from softclose._pieces import flatten
+from softclose.kernel.dispatch import devices
+from softclose.kernel.pieces import flatten
 
 FloatArray = NDArray[np.float64]
 HORIZON_US, ETA, V_STICK = 250.0, 0.5, 1e-5

@@ -6,10 +6,9 @@ from pathlib import Path
 
 from softclose.config import load_config
 from softclose_store import DriverStore
-from softclose_workflows.campaign import Campaign
-from softclose_workflows.drive import create_store
-from softclose_workflows.executors import SerialExecutor
-from softclose_workflows.presets import find_preset
+from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.executors.serial import SerialExecutor
 
 SETTINGS = (
     "campaign.budget=12",
@@ -22,7 +21,7 @@ SETTINGS = (
 
 def make_finished(path: Path, *settings: str) -> Path:
     """Run the small campaign in this process, without Dask; returns path."""
-    create_store(load_config(find_preset("current"), (*SETTINGS, *settings)), str(path))
+    create_store(load_config("current", (*SETTINGS, *settings)), str(path))
     with DriverStore(path) as store:
         Campaign(store, SerialExecutor()).run()
     return path

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from finished import make_finished
 from softclose.config import load_config
-from softclose_workflows.drive import create_store
-from softclose_workflows.presets import find_preset
+from softclose_workflows.run.creation import create_store
 
 _SCRATCH = tempfile.TemporaryDirectory(prefix="softclose-reported-")
 
@@ -30,7 +29,7 @@ def hostile_store() -> str:
 def empty_store(folder: Path) -> str:
     """A campaign that has just been created: not one candidate."""
     path = str(folder / "empty.zarr")
-    create_store(load_config(find_preset("current"), ["campaign.budget=8", "population.n_switches=50"]), path)
+    create_store(load_config("current", ["campaign.budget=8", "population.n_switches=50"]), path)
     return path
 
 

@@ -6,10 +6,9 @@ from pathlib import Path
 
 from softclose.config import load_config
 from softclose_store import DriverStore
-from softclose_workflows.campaign import Campaign
-from softclose_workflows.drive import create_store
-from softclose_workflows.executors import Placement, open_executor
-from softclose_workflows.presets import find_preset
+from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.executors import Placement, open_executor
 
 SETTINGS = (
     "campaign.budget=8",
@@ -24,7 +23,7 @@ SETTINGS = (
 
 def small_campaign(path: Path, *settings: str, run: bool = True) -> str:
     """The path of a campaign that has run to its end, or (run=False) has only been created."""
-    create_store(load_config(find_preset("current"), (*SETTINGS, *settings)), str(path))
+    create_store(load_config("current", (*SETTINGS, *settings)), str(path))
     if run:
         with DriverStore(str(path)) as store, open_executor(Placement(serial=True)) as executor:
             Campaign(store, executor).run()

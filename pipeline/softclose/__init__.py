@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from softclose.moved import keep_old_addresses
+
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
@@ -15,21 +17,21 @@ if TYPE_CHECKING:
     from softclose.config import load_config as load_config
     from softclose.ensemble import Responses as Responses
     from softclose.ensemble import simulate as simulate
-    from softclose.objective import Assessment as Assessment
-    from softclose.objective import assess as assess
+    from softclose.metrics.objective import Assessment as Assessment
+    from softclose.metrics.objective import assess as assess
     from softclose.population import Population as Population
     from softclose.population import load_population as load_population
     from softclose.waveform import Pulse as Pulse
     from softclose.waveform import Waveform as Waveform
 
 _HOME = {
-    "Assessment": "objective",
+    "Assessment": "metrics.objective",
     "CampaignConfig": "config",
     "Population": "population",
     "Pulse": "waveform",
     "Responses": "ensemble",
     "Waveform": "waveform",
-    "assess": "objective",
+    "assess": "metrics.objective",
     "load_config": "config",
     "load_population": "population",
     "simulate": "ensemble",
@@ -58,3 +60,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+keep_old_addresses()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 import math
@@ -15,9 +14,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
-from softclose.device import check_model_name
+from softclose.naming import nearest
+from softclose.plugins import ENGINES, MODELS
 from softclose.population import Population, load_population
-from softclose.propose.protocol import check_engine_name
+from softclose.presets import PresetError, find_preset
 from softclose.waveform import MIN_RISE_US, Waveform
 
 SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
@@ -247,8 +247,8 @@ class CampaignConfig:
     def _check(self) -> Self:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
-        check_engine_name(self.optimiser.engine)
-        check_model_name(self.model.name)
+        ENGINES.check(self.optimiser.engine)
+        MODELS.check(self.model.name)
         for number, rows in enumerate(self.waveform.initial):
             try:
                 waveform = Waveform.from_rows(rows)
@@ -337,7 +337,7 @@ _SECTIONS = (
 
 
 def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> CampaignConfig:
-    """Read a TOML file (or a mapping), apply `section.key=value` overrides, validate.
+    """Read a preset by name, a TOML file or a mapping, apply `section.key=value` overrides, validate.
 
     Relative paths of populations are taken from the TOML's own folder.
     Raises ConfigError naming every problem: what was got, what is allowed.
@@ -345,7 +345,10 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
     if isinstance(source, Mapping):
         data, where = _copy(source), None
     else:
-        where = Path(source)
+        try:
+            where = find_preset(source)
+        except PresetError as e:
+            raise ConfigError(str(e)) from e
         data = read_toml(where)
     for override in overrides:
         _apply(data, override)
@@ -425,6 +428,6 @@ def _refuse_unknown(data: Mapping[str, Any]) -> None:
 
 def _unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
     allowed = list(allowed)
-    near = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(allowed)}"
+    close = nearest(name, allowed)
+    hint = f"did you mean {close}?" if close else f"known: {', '.join(allowed)}"
     return f"unknown {kind} {name}; {hint}"

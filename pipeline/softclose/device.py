@@ -1,4 +1,4 @@
-"""Owns the protocol of device models (switches × waveform -> responses) and the registry of those installed.
+"""Owns the protocol of device models (switches × waveform -> responses).
 
 Nothing outside a model may assume one degree of freedom or a cheap simulator. A user's own model, a finite-element code
 for instance, is an entry point of group `softclose.models` and is named by `model.name` in a campaign.
@@ -6,24 +6,17 @@ for instance, is an entry point of group `softclose.models` and is named by `mod
 
 from __future__ import annotations
 
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from softclose.naming import unknown_name
+from softclose.plugins import MODELS
+from softclose.plugins import ModelError as ModelError
 from softclose.waveform import Waveform
 
 if TYPE_CHECKING:  # the compiler takes half a second to import, and reading a configuration needs none of it
     from softclose.ensemble import Responses
-
-SINGLE_MODE = "single-mode"
-"""The model of Eqs. 1-2, `softclose.simulate`."""
-
-
-class ModelError(ValueError):
-    """A device model that is not installed."""
 
 
 class DeviceModel(Protocol):
@@ -49,23 +42,6 @@ class DeviceModel(Protocol):
         ...
 
 
-def model_names() -> tuple[str, ...]:
-    """The built-in model and those installed."""
-    return (SINGLE_MODE, *sorted(e.name for e in entry_points(group="softclose.models")))
-
-
-def check_model_name(name: str) -> None:
-    """Raise ModelError, naming the nearest known model, where there is none of that name. Imports no model."""
-    if name not in model_names():
-        raise ModelError(unknown_name("device model", name, model_names(), "model.name"))
-
-
 def load_model(name: str) -> DeviceModel:
-    """The device model of that name. Raises ModelError."""
-    if name == SINGLE_MODE:
-        from softclose.ensemble import simulate
-
-        return simulate
-    check_model_name(name)
-    entry = next(e for e in entry_points(group="softclose.models") if e.name == name)
-    return cast(DeviceModel, entry.load())
+    """The device model of that name. Raises ModelError naming the nearest one."""
+    return cast(DeviceModel, MODELS.load(name))

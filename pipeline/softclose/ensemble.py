@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from softclose import _kernel
+from softclose.kernel import dispatch
 from softclose.waveform import MAX_VOLTS, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -80,7 +80,7 @@ def simulate(
     dtype: type[np.float64] | type[np.float32] = np.float64,
     max_volts: float = MAX_VOLTS,
     v_stick: float = 1e-5,
-    max_steps: int = _kernel.MAX_STEPS,
+    max_steps: int = dispatch.MAX_STEPS,
 ) -> Responses:
     """Integrate Eqs. 1-2 for every switch under one waveform.
 
@@ -101,8 +101,8 @@ def simulate(
     tolerance = _number("rtol", rtol, low=0.0, high=RTOL_RANGE[1])
     if tolerance < RTOL_RANGE[0]:
         raise SimulationError(f"rtol is {rtol!r}; below {RTOL_RANGE[0]:g} rounding dominates: use a larger one")
-    if method not in _kernel.METHODS:
-        raise SimulationError(f"method is {method!r}; it must be one of {', '.join(_kernel.METHODS)}")
+    if method not in dispatch.METHODS:
+        raise SimulationError(f"method is {method!r}; it must be one of {', '.join(dispatch.METHODS)}")
     if not isinstance(waveform, Waveform):
         raise SimulationError(
             f"waveform is a {type(waveform).__name__}; it must be a softclose.Waveform, e.g. Waveform([Pulse(...)])"
@@ -112,7 +112,7 @@ def simulate(
         raise SimulationError(f"dtype is {dtype!r}; x and v can be written as numpy.float32 or numpy.float64")
     times = np.zeros(0) if times_us is None else _check_times(times_us, horizon)
     n_events = _count("max_impacts", max_impacts, 0)
-    out = _kernel.run(
+    out = dispatch.run(
         table,
         waveform,
         horizon_us=horizon,

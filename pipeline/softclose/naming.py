@@ -6,9 +6,19 @@ import difflib
 from collections.abc import Iterable
 
 
+def nearest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:
+    """The known name that is closest to `name`; None where none is close."""
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
+    return close[0] if close else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """`did you mean 'skopt'? ` where one of the known names is close, else nothing."""
+    close = nearest(name, known)
+    return f"did you mean {close!r}? " if close else ""
+
+
 def unknown_name(what: str, name: str, known: Iterable[str], key: str) -> str:
     """`no engine named 'skop'; did you mean 'skopt'? Known: skopt, sobol (optimiser.engine)`."""
     names = list(known)
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else "."
-    return f"no {what} named {name!r}{hint} Known: {', '.join(names)} ({key})"
+    return f"no {what} named {name!r}; {did_you_mean(name, names)}Known: {', '.join(names)} ({key})"

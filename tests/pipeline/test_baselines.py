@@ -16,8 +16,8 @@ from softclose.baselines import (
     largest_holding_voltage,
     unshaped,
 )
-from softclose.bounded import Bounded
 from softclose.plate import EPSILON_0, PLATE_AREA_UM2, holding_voltage
+from softclose.population.distributions import Bounded
 
 
 @pytest.mark.parametrize("name", ["current", "modified", "process-improved", "paper-text"])

@@ -11,13 +11,13 @@ import pytest
 from scipy import stats
 
 from softclose import load_population
-from softclose.bounded import Bounded
-from softclose.calibrate import Calibration, calibrate, device_parameters, write_calibration
-from softclose.fit import cramer_von_mises, fit
-from softclose.measurements import MeasurementError, read_measurements, write_synthetic
 from softclose.population import VARIABLES
+from softclose.population.calibrate import Calibration, calibrate, device_parameters, write_calibration
+from softclose.population.distributions import Bounded
+from softclose.population.fit import cramer_von_mises, fit
+from softclose.population.measurements import MeasurementError, read_measurements, write_synthetic
 
-EXAMPLE = Path(str(resources.files("softclose") / "populations" / "example_measurements.csv"))
+EXAMPLE = Path(str(resources.files("softclose.population") / "shipped" / "example_measurements.csv"))
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import pytest
 
-from softclose.compare import best_so_far, compare_engines, run_engine
 from softclose.config import load_config
 from softclose.propose.protocol import Observation, Problem, Proposal, load_engine
+from softclose.propose.side_by_side import best_so_far, compare_engines, run_engine
 from softclose.waveform import Waveform
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from softclose.coordinate import FAR, Coordinate
+from softclose.waveform.coordinates import FAR, Coordinate
 
 CORE = {"low": 2.0, "high": 8.0}
 AXES = [

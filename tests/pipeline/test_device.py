@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softclose import device, simulate
+from softclose import device, plugins, simulate
 from softclose.config import ConfigError, load_config
 from softclose.ensemble import Responses
 
@@ -21,12 +21,12 @@ def heavier(switches: Any, *arguments: Any, **settings: Any) -> Responses:
 @pytest.fixture
 def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = SimpleNamespace(name="heavier", load=lambda: heavier)
-    monkeypatch.setattr(device, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
 
 
 def test_the_model_of_the_study_is_the_default() -> None:
-    assert load_config({}).model.name == device.SINGLE_MODE
-    assert device.load_model(device.SINGLE_MODE) is simulate
+    assert load_config({}).model.name == plugins.SINGLE_MODE
+    assert device.load_model(plugins.SINGLE_MODE) is simulate
 
 
 @pytest.mark.usefixtures("installed")

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from softclose import intervals
+from softclose.metrics import intervals
 
 
 @settings(deadline=None)

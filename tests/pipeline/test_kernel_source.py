@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softclose import _source, _taylor
+from softclose.kernel import generate_series, source, taylor
 
 ROOT = Path(__file__).parents[2]
 
@@ -28,24 +27,20 @@ for method in ("taylor", "rk"):
 
 
 def test_the_series_are_what_their_generator_writes():
-    path = ROOT / "scripts" / "generate_series.py"
-    spec = importlib.util.spec_from_file_location("generate_series", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    assert module.TARGET.read_text(encoding="utf-8") == module.render(), "run: python scripts/generate_series.py"
+    assert generate_series.TARGET.read_text(encoding="utf-8") == generate_series.render(), (
+        "run: python -m softclose.kernel.generate_series"
+    )
 
 
 def test_the_cached_code_is_keyed_by_the_source_of_all_kernel_files():
     # numba keys its cache by what a function closes over, not by the files of the functions that it calls.
-    function = getattr(_taylor.run_block, "py_func", _taylor.run_block)
-    assert [cell.cell_contents for cell in function.__closure__] == [_source.fingerprint()]
+    function = getattr(taylor.run_block, "py_func", taylor.run_block)
+    assert [cell.cell_contents for cell in function.__closure__] == [source.fingerprint()]
 
 
 def test_the_series_of_the_motion_match_finite_differences():
     # An outside check of the recurrences: x'' of the polynomial is Eq. 1's right-hand side along it.
-    from softclose._series import constant, drive, evaluate, flight_driven
+    from softclose.kernel.series import constant, drive, evaluate, flight_driven
 
     x0, v0, gap, c, k, omega = 0.7, 0.1, 3.7, 2.2e-5, 0.019, 0.5
     u = drive(constant(50.0), 40.0 * np.cos(0.3), 40.0 * np.sin(0.3), omega)

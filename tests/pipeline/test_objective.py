@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from softclose import assess
-from softclose.objective import ObjectiveError
+from softclose.metrics.objective import ObjectiveError
 
 
 @dataclass(frozen=True)

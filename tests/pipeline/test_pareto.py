@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from softclose.pareto import pareto_front
+from softclose.metrics.pareto import pareto_front
 
 
 @given(

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from softclose import Population, load_population
-from softclose.bounded import Bounded, PopulationError
-from softclose.plate import frequency, holding_voltage, modulus, stiffness_from_pull_in
-from softclose.population import SAMPLINGS, VARIABLES, population_names, pull_in_voltage, switches_from_parameters
+from softclose.plate import frequency, holding_voltage, modulus, pull_in_voltage, stiffness_from_pull_in
+from softclose.population import VARIABLES, population_names, switches_from_parameters
+from softclose.population.distributions import Bounded, PopulationError
+from softclose.population.population import SAMPLINGS
 
 
 def test_the_deterministic_switch_has_the_printed_means() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from softclose import Population, load_population
-from softclose.bounded import Bounded, PopulationError
-from softclose.population_file import write_population
+from softclose.population.distributions import Bounded, PopulationError
+from softclose.population.files import write_population
 
 _D = '[D]\ndistribution = "uniform"\nlower = 2.0\nupper = 2.5\n'
 _G = '[G]\ndistribution = "beta"\nlower = 3.0\nupper = 4.0\nalpha = 2\nbeta = 3\n'

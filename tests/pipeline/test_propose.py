@@ -11,10 +11,11 @@ import sys
 import numpy as np
 import pytest
 
+from softclose import plugins
 from softclose.config import load_config
 from softclose.propose import replay as cmaes_replay
 from softclose.propose.finish import shares
-from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, engine_names, load_engine
+from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, load_engine
 from softclose.propose.trust_region import DESIGN, LOCAL, TrustRegionRules, replay
 
 SPACE_OF = {"paper": "two-pulse-paper"}
@@ -168,7 +169,7 @@ def test_the_paper_engine_refuses_other_spaces():
 def test_an_unknown_engine_names_the_nearest():
     with pytest.raises(EngineError, match="did you mean 'cmaes'"):
         load_engine("cmae")
-    assert "finish" not in engine_names()
+    assert "finish" not in plugins.ENGINES.names()
 
 
 def test_botorch_is_optional_and_says_what_to_install(monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 
 from softclose import load_population
 from softclose.baselines import unshaped
-from softclose.sensitivity import SensitivityError, sensitivity
+from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
 
 CURRENT = load_population("current")
 

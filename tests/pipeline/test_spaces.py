@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softclose.spaces import SPACES, Scales, SpaceError, build_space
 from softclose.waveform import Pulse, Waveform
+from softclose.waveform.spaces import SPACES, Scales, SpaceError, build_space
 
 CURRENT = (2.43, 3.68, 65.3, 3.41)
 MODIFIED = (1.93, 4.18, 80.0, 3.7)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from softclose.config import load_config
 from softclose.propose.design import ARRIVALS, BLOCK, COMPENSATION, design_point
 from softclose.propose.protocol import Problem
-from softclose.swing import FARTHEST, Lot, Swing, free_swing
+from softclose.propose.swing import FARTHEST, Lot, Swing, free_swing
 from softclose.waveform import Waveform
 
 

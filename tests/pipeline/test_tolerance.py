@@ -9,7 +9,7 @@ import pytest
 
 from softclose import Pulse, Waveform, load_population, simulate
 from softclose.baselines import deterministic_design
-from softclose.tolerance import DEFAULT_ERRORS, DriveError, ToleranceError, distorted, drive_tolerance
+from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, ToleranceError, distorted, drive_tolerance
 
 TWO = Waveform([Pulse(0.0, 4.0, 4.5, 150.0), Pulse(14.0, 8.0, math.inf, 85.0)])
 

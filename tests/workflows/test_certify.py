@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from small_series import small_campaign
 from softclose import load_population, simulate
 from softclose_store import list_groups, open_campaign, read_group
-from softclose_workflows.certify import (
+from softclose_workflows.analyses.certify import (
     DISTINCT_VOLTS,
     STREAM,
     CertifyError,
@@ -71,7 +71,7 @@ def test_certification_is_read_back_as_it_was_and_not_computed_again(
     store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = certify(store, n_switches=N, top=4)
-    monkeypatch.setattr("softclose_workflows.certify.simulate_fresh", None)
+    monkeypatch.setattr("softclose_workflows.analyses.certify.simulate_fresh", None)
     again = certify(store, n_switches=N, top=4)
     read = read_certification(store)
     assert read is not None

@@ -12,7 +12,7 @@ from PIL import Image
 
 from reported import empty_store
 from softclose_store import open_campaign
-from softclose_workflows.certify import certify
+from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
 from softclose_workflows.report.compare_page import render_comparison
 from softclose_workflows.report.comparison import Entry, differing_settings, read_entries

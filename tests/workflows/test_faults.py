@@ -200,17 +200,16 @@ def test_an_engine_that_fails_is_replaced_and_the_record_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from softclose.config import load_config
-    from softclose.propose import protocol
-    from softclose_workflows import proposals
-    from softclose_workflows.drive import drive
-    from softclose_workflows.executors import Placement
+    from softclose.propose import proposer, protocol
+    from softclose_workflows.commands.driving import drive
+    from softclose_workflows.run.executors import Placement
 
     class Broken:
         def propose(self, *_: object) -> protocol.Proposal:
             raise FloatingPointError("the covariance is not positive definite")
 
     real = protocol.load_engine
-    monkeypatch.setattr(proposals, "load_engine", lambda name: Broken() if name == "skopt" else real(name))
+    monkeypatch.setattr(proposer, "load_engine", lambda name: Broken() if name == "skopt" else real(name))
     config = load_config({}, SMALL)
     drive(str(tmp_path / "a.zarr"), Placement(serial=True), config=config, quiet=True)
     records = open_campaign(tmp_path / "a.zarr").records()

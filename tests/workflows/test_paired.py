@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from softclose import assess
-from softclose_workflows.paired import compare, spread_at
+from softclose.metrics.paired import compare, spread_at
 
 
 def _response(v_cm_s: Any, closed: Any) -> Any:

@@ -17,12 +17,13 @@ from click.testing import CliRunner
 from finished import make_finished
 from reported import HOSTILE, empty_store, hostile_store
 from softclose.waveform import Pulse, Waveform
-from softclose_workflows.certify import certify
+from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
-from softclose_workflows.report import labels, packed, shapes
+from softclose_workflows.report import packed, shapes
 from softclose_workflows.report.data import ReportData, Traces
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
+from softclose_workflows.tell import labels
 
 LARGEST_BYTES = 8_000_000
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from softclose.presets import preset_names
 from softclose_workflows.cli import main
-from softclose_workflows.executors import Placement
-from softclose_workflows.presets import preset_names
-from softclose_workflows.published import CASES, presets
-from softclose_workflows.reproduce import members, reproduce
-from softclose_workflows.series import Effort
+from softclose_workflows.run.executors import Placement
+from softclose_workflows.studies.published import CASES, presets
+from softclose_workflows.studies.reproduce import members, reproduce
+from softclose_workflows.studies.series import Effort
 
 TINY = (
     "campaign.budget=3",
@@ -59,7 +59,7 @@ def monkeypatch_module() -> Iterator[pytest.MonkeyPatch]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch_module: pytest.MonkeyPatch) -> Path:
     out = tmp_path_factory.mktemp("reproduce")
-    monkeypatch_module.setattr("softclose_workflows.reproduce_figures.N_DRAWN", 3)
+    monkeypatch_module.setattr("softclose_workflows.studies.reproduce_figures.N_DRAWN", 3)
     reproduce(out, EFFORT, TINY)
     return out
 
@@ -86,7 +86,7 @@ def test_table_sets_published_figures_beside_ours(folder: Path) -> None:
 
 
 def test_command_prints_json(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softclose_workflows.reproduce_figures.draw_all", lambda folder, rows: [])
+    monkeypatch.setattr("softclose_workflows.studies.reproduce_figures.draw_all", lambda folder, rows: [])
     sets = [part for setting in TINY for part in ("--set", setting)]
     asked = ["reproduce", "--out", str(folder), "--serial", "--switches", "100", *sets]
     done = CliRunner().invoke(main, [*asked, "--json"])

@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from small_series import small_campaign
 from softclose import Waveform, assess, load_population, simulate
 from softclose_store import open_campaign
+from softclose_workflows.analyses.rescore import RescoreError, Score, rescore
 from softclose_workflows.cli import main
-from softclose_workflows.rescore import RescoreError, Score, rescore
 
 N = 80
 

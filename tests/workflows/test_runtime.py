@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softclose_workflows.runtime import changes_since, runtime
+from softclose_workflows.run.runtime import changes_since, runtime
 
 
 def test_nothing_differs_from_this_very_machine() -> None:

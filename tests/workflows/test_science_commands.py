@@ -12,10 +12,10 @@ from click.testing import CliRunner, Result
 
 from small_series import small_campaign
 from softclose import load_population
-from softclose_workflows.certify import certify
+from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
 
-EXAMPLE = str(resources.files("softclose") / "populations" / "example_measurements.csv")
+EXAMPLE = str(resources.files("softclose.population") / "shipped" / "example_measurements.csv")
 
 
 def _run(*arguments: str, code: int = 0) -> Result:

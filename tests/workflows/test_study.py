@@ -14,10 +14,10 @@ from small_series import SETTINGS
 from softclose import load_population
 from softclose.config import ConfigError
 from softclose_workflows.cli import main
-from softclose_workflows.executors import Placement
-from softclose_workflows.series import Effort
-from softclose_workflows.study import run_study
-from softclose_workflows.study_file import FOLDER, load_study
+from softclose_workflows.run.executors import Placement
+from softclose_workflows.studies.series import Effort
+from softclose_workflows.studies.study import run_study
+from softclose_workflows.studies.study_file import FOLDER, load_study
 from stores import differences
 
 SMALL = (*SETTINGS, "campaign.budget=3")
@@ -67,7 +67,7 @@ def test_a_study_continues_and_repeats_bit_for_bit(tmp_path: Path, monkeypatch: 
         run(path, *rest)  # type: ignore[arg-type]
         finished.append(path)
 
-    from softclose_workflows import series
+    from softclose_workflows.studies import series
 
     run = series._run
     monkeypatch.setattr(series, "_run", stop_after_one)

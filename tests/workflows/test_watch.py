@@ -13,8 +13,8 @@ from rich.console import Console
 
 from small_store import create, run
 from softclose_store import DriverStore
-from softclose_workflows import watch
 from softclose_workflows.cli import main
+from softclose_workflows.tell import watch
 
 
 def test_pace_is_the_median_gap_so_a_pause_between_runs_does_not_count() -> None:

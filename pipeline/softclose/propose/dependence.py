@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from softclose.coordinate import FAR
 from softclose.propose.protocol import Observation, Problem, search_history
+from softclose.waveform.coordinates import FAR
 
 FloatArray = NDArray[np.float64]
 

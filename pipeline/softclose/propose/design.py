@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from softclose.propose.protocol import Problem
 from softclose.propose.sobol import sobol_points
-from softclose.swing import free_swing
+from softclose.propose.swing import free_swing
 
 FloatArray = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from threadpoolctl import threadpool_limits
 from softclose.propose.design import design_point
 from softclose.propose.protocol import Observation, Problem, Proposal, seen_by
 from softclose.propose.replay import Answers, CmaStart, cma_points, next_point
-from softclose.spaces import SpaceError
 from softclose.waveform import Waveform
+from softclose.waveform.spaces import SpaceError
 
 if TYPE_CHECKING:
     from softclose.config import FinishSection

@@ -1,4 +1,4 @@
-"""Owns the protocol between a campaign and whoever proposes its waveforms, and the registry of engines.
+"""Owns the protocol between a campaign and whoever proposes its waveforms, and loads engines by name.
 
 `propose` is a pure function of (configuration, index, records 0 … index-lag, waveforms in between): no engine keeps
 state between calls, so nothing is replayed on resume and any process gives the same answer (DESIGN §2).
@@ -6,28 +6,23 @@ state between calls, so nothing is replayed on resume and any process gives the 
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.naming import unknown_name
-from softclose.spaces import Scales, Space, build_space
+from softclose.plugins import ENGINES, load_object
+from softclose.plugins import EngineError as EngineError
 from softclose.waveform import Waveform
+from softclose.waveform.spaces import Scales, Space, build_space
 
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig
     from softclose.population import Population
-    from softclose.swing import Lot
-
-
-class EngineError(ValueError):
-    """An engine that does not exist, is not installed, or does not fit the search space."""
+    from softclose.propose.swing import Lot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +101,7 @@ class Problem:
     @cached_property
     def lot(self) -> Lot:
         """The few switches whose free swing the engines may look at."""
-        from softclose.swing import Lot  # imported where it is used: the compiler is slow to import
+        from softclose.propose.swing import Lot  # imported where it is used: the compiler is slow to import
 
         return Lot.of(self.population, plate_area_um2=self.config.model.plate_area_um2)
 
@@ -141,40 +136,10 @@ class Engine(Protocol):
         ...
 
 
-_ENGINES = {
-    "sobol": "sobol:SobolEngine",
-    "skopt": "skopt_engine:SkoptEngine",
-    "paper": "paper:PaperEngine",
-    "direct": "direct:DirectEngine",
-    "cmaes": "cmaes:CmaesEngine",
-    "botorch": "botorch:BotorchEngine",
-    "finish": "finish:FinishEngine",
-}
-
-
-def engine_names() -> tuple[str, ...]:
-    """Names that `load_engine` knows: those shipped, then installed entry points of group softclose.engines."""
-    shipped = tuple(name for name in _ENGINES if name != "finish")
-    return shipped + tuple(sorted(e.name for e in entry_points(group="softclose.engines")))
-
-
-def check_engine_name(name: str) -> None:
-    """Raise EngineError, naming the nearest known engine, where there is none of that name. Imports no engine."""
-    if name not in engine_names():
-        raise EngineError(unknown_name("engine", name, engine_names(), "optimiser.engine"))
-
-
 def load_engine(name: str) -> Engine:
-    """The engine of that name; imports only that engine. Raises EngineError naming the nearest known one."""
-    if name in _ENGINES:
-        module, attribute = _ENGINES[name].split(":")
-        return cast(Engine, getattr(importlib.import_module(f"softclose.propose.{module}"), attribute)())
-    for entry in entry_points(group="softclose.engines"):
-        if entry.name == name:
-            loaded = entry.load()
-            return cast(Engine, loaded() if isinstance(loaded, type) else loaded)
-    check_engine_name(name)
-    raise EngineError(f"engine {name!r} is known, but its entry point is gone (optimiser.engine)")
+    """The engine of that name (an instance); imports only that engine. Raises EngineError naming the nearest one."""
+    loaded = load_object("softclose.propose.finish:FinishEngine") if name == "finish" else ENGINES.load(name)
+    return cast(Engine, loaded() if isinstance(loaded, type) else loaded)
 
 
 def seen_by(index: int, history: Sequence[Observation], lag: int) -> Sequence[Observation]:

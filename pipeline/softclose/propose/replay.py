@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.propose.protocol import Observation
-from softclose.spaces import Space
 from softclose.waveform import Waveform
+from softclose.waveform.spaces import Space
 
 FloatArray = NDArray[np.float64]
 

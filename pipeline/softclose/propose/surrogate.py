@@ -19,9 +19,9 @@ from skopt.learning import GaussianProcessRegressor
 from skopt.learning.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from softclose.propose.protocol import Observation, Problem
-from softclose.spaces import SpaceError
-from softclose.swing import FARTHEST, free_swing
+from softclose.propose.swing import FARTHEST, free_swing
 from softclose.waveform import Waveform
+from softclose.waveform.spaces import SpaceError
 
 FloatArray = NDArray[np.float64]
 

@@ -42,10 +42,10 @@ def calibrate(
     as_json: bool,
 ) -> None:
     """Fit a population to device measurements (gap, travel, thickness, pull-in voltage)."""
-    from softclose.calibrate import calibrate as fit
-    from softclose.calibrate import write_calibration
-    from softclose.measurements import MeasurementError, read_measurements
-    from softclose_workflows.certified_tables import finite, wide_console
+    from softclose.population.calibrate import calibrate as fit
+    from softclose.population.calibrate import write_calibration
+    from softclose.population.measurements import MeasurementError, read_measurements
+    from softclose_workflows.analyses.certified_tables import finite, wide_console
 
     if Path(output).suffix != ".toml":
         raise MeasurementError(f"--output is {output!r}; a population is a TOML file: give a name ending in .toml")
@@ -63,7 +63,7 @@ def calibrate(
     except OSError as e:
         raise MeasurementError(f"the population cannot be written to {output}: {e}") from e
     if figure:
-        from softclose_workflows.calibration_figure import draw
+        from softclose_workflows.figures.calibration import draw
 
         draw(calibration, figure)
     if as_json:
@@ -88,7 +88,7 @@ def calibrate(
 
 
 def _bounds(text: str) -> tuple[str, tuple[float, float]]:
-    from softclose.measurements import MeasurementError
+    from softclose.population.measurements import MeasurementError
 
     variable, _, both = text.partition("=")
     lower, _, upper = both.partition(":")

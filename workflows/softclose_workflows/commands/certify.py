@@ -29,8 +29,12 @@ def certify(
     """
     import os
 
-    from softclose_workflows.certified_tables import certification_to_json, print_certification, simulation_progress
-    from softclose_workflows.certify import certify as run
+    from softclose_workflows.analyses.certified_tables import (
+        certification_to_json,
+        print_certification,
+        simulation_progress,
+    )
+    from softclose_workflows.analyses.certify import certify as run
 
     with simulation_progress("certifying", quiet=quiet) as listener:
         result = run(

@@ -30,19 +30,18 @@ def compare_engines(
 ) -> None:
     """Run several engines on one problem from several seeds, in this process, without stores."""
     from softclose.config import ConfigError, load_config
-    from softclose.propose.protocol import check_engine_name
-    from softclose_workflows.certified_tables import finite
-    from softclose_workflows.engine_comparison import compare, draw, print_comparison, to_json
-    from softclose_workflows.presets import find_preset
+    from softclose.plugins import ENGINES
+    from softclose_workflows.analyses.certified_tables import finite
+    from softclose_workflows.analyses.engines import compare, draw, print_comparison, to_json
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
     for name in names:
-        check_engine_name(name)
+        ENGINES.check(name)
     try:
         numbers = [int(seed) for seed in seeds.split(",")]
     except ValueError as e:
         raise ConfigError(f"--seeds {seeds!r} is not of the form 1,2,3") from e
-    results = compare(load_config(find_preset(source), overrides), names, numbers, switches, quiet=as_json)
+    results = compare(load_config(source, overrides), names, numbers, switches, quiet=as_json)
     if figure:
         draw(results, figure)
     if as_json:

@@ -194,13 +194,13 @@ def history(store: str, /, form: str, output: Path | None) -> None:
 
 def _candidate(campaign: Campaign, i: int | None) -> int:
     """The candidate asked for, or the best certified one, or the best."""
-    from softclose_workflows.chosen import choose
+    from softclose_workflows.analyses.chosen import choose
 
     return choose(campaign.path, i).candidate
 
 
 def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
-    from softclose_workflows.tables import describe_waveform
+    from softclose_workflows.tell.tables import describe_waveform
 
     lines = describe_waveform([list(row) for row in drive.rows()]).splitlines()
     return [

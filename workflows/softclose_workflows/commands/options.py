@@ -18,7 +18,7 @@ def placement_options(command: Callable[..., Any]) -> Callable[..., Any]:
     def with_placement(
         *args: Any, workers: int | None, scheduler: str | None, serial: bool, patience: float, **options: Any
     ) -> Any:
-        from softclose_workflows.executors import Placement
+        from softclose_workflows.run.executors import Placement
 
         placement = Placement(workers=workers, scheduler=scheduler, serial=serial, patience_s=patience)
         return command(*args, placement=placement, **options)

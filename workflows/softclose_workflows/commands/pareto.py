@@ -17,12 +17,12 @@ def pareto(store: str, as_json: bool) -> None:
     """
     import numpy as np
 
-    from softclose.pareto import pareto_front
+    from softclose.metrics.pareto import pareto_front
     from softclose_store import open_campaign
-    from softclose_workflows.certified_tables import finite, wide_console
-    from softclose_workflows.certify import CertifyError
-    from softclose_workflows.standing import waveform_to_json
-    from softclose_workflows.tables import describe_waveform, metrics_row
+    from softclose_workflows.analyses.certified_tables import finite, wide_console
+    from softclose_workflows.analyses.certify import CertifyError
+    from softclose_workflows.tell.standing import waveform_to_json
+    from softclose_workflows.tell.tables import describe_waveform, metrics_row
 
     campaign = open_campaign(store)
     table = campaign.records()

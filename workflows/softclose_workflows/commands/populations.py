@@ -21,7 +21,7 @@ PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
 def populations(names: tuple[str, ...], plate_area: float, as_json: bool) -> None:
     """Ranges, means and pull-in voltages of populations, beside what the published study prints of them."""
     from softclose.population import load_population, population_names
-    from softclose_workflows.certified_tables import finite, wide_console
+    from softclose_workflows.analyses.certified_tables import finite, wide_console
 
     loaded = {name: load_population(name) for name in names or population_names()}
     summaries = {name: p.summary(plate_area) for name, p in loaded.items()}

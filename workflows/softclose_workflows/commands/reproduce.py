@@ -11,7 +11,7 @@ import click
 from softclose_workflows.commands.options import placement_options, quiet_option
 
 if TYPE_CHECKING:
-    from softclose_workflows.executors import Placement
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -39,9 +39,9 @@ def reproduce(
     """
     import os
 
-    from softclose_workflows.reproduce import QUICK, QUICK_SWITCHES, print_reproduction, to_json
-    from softclose_workflows.reproduce import reproduce as run
-    from softclose_workflows.series import Effort
+    from softclose_workflows.studies.reproduce import QUICK, QUICK_SWITCHES, print_reproduction, to_json
+    from softclose_workflows.studies.reproduce import reproduce as run
+    from softclose_workflows.studies.series import Effort
 
     started = time.monotonic()
     effort = Effort(

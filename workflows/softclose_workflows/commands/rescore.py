@@ -55,11 +55,11 @@ def rescore(
 
     What is not given stays as the campaign has it.
     """
-    from softclose_workflows.certified_tables import finite, wide_console
-    from softclose_workflows.records import assessment_record
-    from softclose_workflows.rescore import Score
-    from softclose_workflows.rescore import rescore as run
-    from softclose_workflows.tables import metrics_row
+    from softclose_workflows.analyses.certified_tables import finite, wide_console
+    from softclose_workflows.analyses.rescore import Score
+    from softclose_workflows.analyses.rescore import rescore as run
+    from softclose_workflows.run.records import assessment_record
+    from softclose_workflows.tell.tables import metrics_row
 
     given = {
         "level": level,

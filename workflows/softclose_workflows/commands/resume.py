@@ -9,7 +9,7 @@ import click
 from softclose_workflows.commands.options import break_lock_option, placement_options, quiet_option
 
 if TYPE_CHECKING:
-    from softclose_workflows.executors import Placement
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(epilog="\b\nExample:\n  softclose resume runs/a.zarr --workers 2")
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.pass_context
 def resume(ctx: click.Context, store: str, placement: Placement, break_lock: bool, quiet: bool) -> None:
     """Continue the campaign in STORE from its last committed candidate and its finished chunks."""
-    from softclose_workflows.drive import drive
+    from softclose_workflows.commands.driving import drive
 
     ctx.meta["softclose.store"] = store
     drive(store, placement, break_lock=break_lock, quiet=quiet)

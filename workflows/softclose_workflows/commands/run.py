@@ -9,7 +9,7 @@ import click
 from softclose_workflows.commands.options import break_lock_option, placement_options, quiet_option
 
 if TYPE_CHECKING:
-    from softclose_workflows.executors import Placement
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -37,9 +37,8 @@ def run(
     If STORE already holds this very campaign it is continued; another campaign is refused.
     """
     from softclose.config import load_config
-    from softclose_workflows.drive import drive
-    from softclose_workflows.presets import find_preset
+    from softclose_workflows.commands.driving import drive
 
-    config = load_config(find_preset(source), overrides)
+    config = load_config(source, overrides)
     ctx.meta["softclose.store"] = store
     drive(store, placement, config=config, break_lock=break_lock, quiet=quiet)

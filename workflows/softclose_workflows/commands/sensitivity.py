@@ -18,9 +18,9 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
     """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices)."""
     from dataclasses import asdict
 
-    from softclose.sensitivity import sensitivity as analyse
-    from softclose_workflows.certified_tables import finite, wide_console
-    from softclose_workflows.chosen import choose
+    from softclose.uncertainty.sensitivity import sensitivity as analyse
+    from softclose_workflows.analyses.certified_tables import finite, wide_console
+    from softclose_workflows.analyses.chosen import choose
 
     chosen = choose(store, candidate)
     found = analyse(

@@ -29,16 +29,16 @@ def status(store: str, as_json: bool, watch: bool, interval: float) -> None:
             raise click.UsageError("--json and --watch exclude each other; scripts call `status --json` again")
         from rich.console import Console
 
-        from softclose_workflows.watch import watch as show
+        from softclose_workflows.tell.watch import watch as show
 
         show(store, interval, Console())
         return
-    from softclose_workflows.standing import read_standing
+    from softclose_workflows.tell.standing import read_standing
 
     standing = read_standing(store)
     if as_json:
         click.echo(json.dumps(standing.to_json(), indent=2))
         return
-    from softclose_workflows.tables import print_standing
+    from softclose_workflows.tell.tables import print_standing
 
     print_standing(standing)

@@ -10,7 +10,7 @@ import click
 from softclose_workflows.commands.options import placement_options, quiet_option
 
 if TYPE_CHECKING:
-    from softclose_workflows.executors import Placement
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -42,9 +42,9 @@ def study(
     """
     import os
 
-    from softclose_workflows.series import Effort
-    from softclose_workflows.study import print_study, run_study
-    from softclose_workflows.study_file import load_study
+    from softclose_workflows.studies.series import Effort
+    from softclose_workflows.studies.study import print_study, run_study
+    from softclose_workflows.studies.study_file import load_study
 
     effort = Effort(
         n_switches=switches,

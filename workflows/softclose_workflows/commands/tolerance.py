@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from softclose.tolerance import DriveError
+    from softclose.uncertainty.tolerance import DriveError
 
 
 @click.command(
@@ -47,12 +47,12 @@ def tolerance(
     Each error by itself, on fresh switches: those of the certification, as many of them as asked for.
     Without any error given, a usual set of them.
     """
-    from softclose.tolerance import DEFAULT_ERRORS, DriveError, drive_tolerance
-    from softclose_workflows.certified_tables import finite, waveform_rows_of, wide_console
-    from softclose_workflows.certify import fresh_switches
-    from softclose_workflows.chosen import choose
-    from softclose_workflows.records import objective_settings
-    from softclose_workflows.tables import with_interval
+    from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, drive_tolerance
+    from softclose_workflows.analyses.certified_tables import finite, waveform_rows_of, wide_console
+    from softclose_workflows.analyses.certify import fresh_switches
+    from softclose_workflows.analyses.chosen import choose
+    from softclose_workflows.run.records import objective_settings
+    from softclose_workflows.tell.tables import with_interval
 
     chosen = choose(store, candidate)
     asked = [

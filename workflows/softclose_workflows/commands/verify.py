@@ -32,7 +32,7 @@ def verify(
     """Prove that STORE holds what was written: checksums, markers against data, records, schema, fingerprint."""
     from softclose_store import repair as repair_store
     from softclose_store import verify as verify_store
-    from softclose_workflows.replay import recompute, replay
+    from softclose_workflows.analyses.recompute import recompute, replay
 
     told: dict[str, object] = {"store": store}
     lines = []

@@ -13,10 +13,11 @@ from matplotlib.figure import Figure
 
 from softclose.propose.dependence import Dependence
 from softclose_workflows.figures.style import COLOURS, COLUMN_IN, PAGE_IN
-from softclose_workflows.report import labels, shapes
+from softclose_workflows.report import shapes
 from softclose_workflows.report.charts import GROUP_COLOURS, population_density
 from softclose_workflows.report.data import ROLES, Design, ReportData
 from softclose_workflows.report.packed import SLOWEST_IMPACT_CM_S, waveform_points
+from softclose_workflows.tell import labels
 
 Draw = Callable[[ReportData], "Figure | None"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from softclose_workflows.report.labels import PALETTE
+from softclose_workflows.tell.labels import PALETTE
 
 COLOURS = PALETTE["light"]
 """Paper is light."""

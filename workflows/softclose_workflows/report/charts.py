@@ -14,8 +14,9 @@ import numpy as np
 
 from softclose.propose.dependence import Dependence
 from softclose.waveform import FloatArray
-from softclose_workflows.report import labels, shapes
+from softclose_workflows.report import shapes
 from softclose_workflows.report.data import Design, ReportData
+from softclose_workflows.tell import labels
 
 Chart = dict[str, Any]
 

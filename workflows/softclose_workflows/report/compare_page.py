@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from softclose_workflows.report import charts, labels, packed, shapes
+from softclose_workflows.report import charts, packed, shapes
 from softclose_workflows.report.comparison import Entry, differing_settings
 from softclose_workflows.report.data import Design
 from softclose_workflows.report.page import render
+from softclose_workflows.tell import labels
 
 
 def render_comparison(entries: Sequence[Entry]) -> str:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.objective import CM_S, Assessment
+from softclose.metrics.objective import CM_S, Assessment
 from softclose.propose.dependence import Dependence
 from softclose.waveform import FloatArray, Waveform
-from softclose_workflows.certify import Certification
+from softclose_workflows.analyses.certify import Certification
 
 DESIGN_NAMES = {"unshaped": "unshaped 100 V step", "deterministic": "deterministic design"}
 """What charts call the reference designs."""

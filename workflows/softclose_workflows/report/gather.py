@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.objective import CM_S, assess
+from softclose.metrics.objective import CM_S, assess
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
 from softclose.waveform import FloatArray, Waveform
-from softclose_workflows.certify import read_certification, reference_designs
-from softclose_workflows.records import objective_settings, observations
+from softclose_workflows.analyses.certify import read_certification, reference_designs
 from softclose_workflows.report.data import DESIGN_NAMES, Candidates, Design, ReportData, Traces
 from softclose_workflows.report.shapes import shares, speed_edges
+from softclose_workflows.run.records import objective_settings, observations
 
 if TYPE_CHECKING:
     from softclose_store import Campaign, StoredResponses
@@ -154,7 +154,7 @@ def _read_picks(
 
 def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tuple[Design, ...]:
     """The best candidate, and the two reference designs on the same switches."""
-    from softclose_workflows.respond import respond
+    from softclose.evaluate import respond
 
     if best is None:
         return ()

@@ -15,9 +15,10 @@ from importlib.resources import files
 from typing import Any
 
 from softclose import __version__
-from softclose_workflows.report import charts, labels, packed, shapes
+from softclose_workflows.report import charts, packed, shapes
 from softclose_workflows.report.data import ROLES, Design, ReportData
 from softclose_workflows.report.summary import candidate_rows, headline, metrics, provenance
+from softclose_workflows.tell import labels
 
 
 def render_report(data: ReportData) -> str:

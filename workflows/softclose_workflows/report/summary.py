@@ -6,10 +6,10 @@ import math
 import time
 from typing import Any
 
-from softclose.objective import Assessment
-from softclose_workflows.certify import Certification
+from softclose.metrics.objective import Assessment
+from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.report.data import ReportData
-from softclose_workflows.report.labels import interval, number, percent, percent_interval
+from softclose_workflows.tell.labels import interval, number, percent, percent_interval
 
 
 def headline(data: ReportData) -> dict[str, Any]:

@@ -1,0 +1,205 @@
+"""Owns series.py: the power series of the fast kernel as straight-line code.
+
+Loops over short arrays cost 450 ns for one step of order 14; the same sums written out keep every coefficient in a
+register and cost 42 ns (docs/adr/010). Usage: `python -m softclose.kernel.generate_series` rewrites it.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+TARGET = Path(__file__).with_name("series.py")
+ORDER = 16
+"""Degree of the Taylor polynomial of x."""
+TERMS = 12
+"""Terms of the flight-time series."""
+
+
+HEADER = '''"""Owns the fast kernel's power series as straight-line code. Written by generate_series.py.
+
+`flight_constant`, `flight_driven`: Taylor coefficients of x(t) under Eq. 1. With s = u/(G - x), so s (G - x) = u, and
+x'' = c s² - k x, every coefficient follows from the ones before with one division. `constant` and `drive`: those of
+u(t). `evaluate`, `descent`, `bend`, `sample` read the polynomial. `flight_time`, `bounce_duration`: after a rebound at
+speed w under constant u, energy conservation gives the depth y as a series in the energy w²/2 (dy/dE = 1/force(y)),
+and Abel's integral turns its coefficients e_m into those of the time, m B(m, 1/2) 2^(1-m) e_m.
+
+Tuples, not arrays: an array that is passed on costs two atomic operations on its reference count.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+ORDER = 16
+TERMS = 12
+# Sums may be reordered by the compiler, once for all: each switch runs this same scalar code wherever it stands.
+# Reordered sums need one copy of the code: everything is inlined into the entry point (`forceinline`). Where a function
+# was compiled by itself too, the process that compiled ran another copy than those that loaded the cache: other bits.
+_FAST = {{"contract", "reassoc", "nsz"}}
+'''
+
+
+def statement(target: str, terms: list[str], head: str = "") -> str:
+    """`target = head(term + term ...)`, wrapped at 120 columns within the parentheses."""
+    total = " + ".join(terms)
+    one = f"    {target} = {head}({total})" if head and len(terms) > 1 else f"    {target} = {head}{total}"
+    if len(one) <= 120:
+        return one
+    body = "\n        + ".join(terms) if len(total) > 112 else total
+    return f"    {target} = {head}(\n        {body}\n    )"
+
+
+def function(name: str, arguments: str, doc: str, lines: list[str]) -> str:
+    head = '@njit(error_model="numpy", fastmath=_FAST, forceinline=True)\n'
+    head += f"def {name}({arguments}):  # type: ignore[no-untyped-def]\n"
+    return "\n\n" + head + f'    """{doc}"""\n' + "\n".join(lines) + "\n"
+
+
+def square(name: str, n: int) -> list[str]:
+    """Terms of half the n-th coefficient of name²."""
+    terms = [f"{name}{j} * {name}{n - j}" for j in range((n + 1) // 2)]
+    return terms + ([f"0.5 * {name}{n // 2} * {name}{n // 2}"] if n % 2 == 0 else [])
+
+
+def listing(head: str, names: list[str], tail: str = "") -> str:
+    one = f"    {head}{', '.join(names)}{tail}"
+    if len(one) <= 120:
+        return one
+    body = "".join(f"        {name},\n" for name in names)
+    return f"    {head}(\n{body}    ){tail}"
+
+
+def unpack(names: list[str], source: str) -> str:
+    return listing("", names, f" = {source}")
+
+
+def pack(names: list[str]) -> str:
+    return listing("return ", names)
+
+
+XS = [f"x{n}" for n in range(ORDER + 1)]
+US = [f"u{n}" for n in range(ORDER - 1)]
+
+
+def flight(driven: bool) -> str:
+    last = ORDER - 1
+    lines = [unpack(US, "u")] if driven else []
+    lines += ["    r = 1.0 / (gap - x0)", f"    s0 = {'u0' if driven else 'u'} * r", "    z1 = x1 * r"]
+    lines += ["    x2 = 0.5 * (c * (s0 * s0) - k * x0)", "    z2 = x2 * r"]
+    for n in range(1, last):
+        terms = [f"r * u{n}"] if driven else []
+        lines.append(statement(f"s{n}", terms + [f"z{j} * s{n - j}" for j in range(1, n + 1)]))
+        scale = 1.0 / ((n + 1) * (n + 2))
+        lines.append(statement("q", square("s", n)))
+        lines.append(f"    x{n + 2} = c * q * {2.0 * scale!r} - k * x{n} * {scale!r}")
+        if n + 2 < last:
+            lines.append(f"    z{n + 2} = x{n + 2} * r")
+    lines.append(pack(XS))
+    if driven:
+        doc = "Coefficients 0..ORDER of x where u has the coefficients u[0..ORDER-2]."
+        return function("flight_driven", "x0, x1, u, gap, c, k", doc, lines)
+    return function("flight_constant", "x0, x1, u, gap, c, k", "Coefficients 0..ORDER of x at constant u.", lines)
+
+
+def chain(target: str, coefficients: list[str], variable: str, indent: str = "    ") -> list[str]:
+    """Horner's rule, a line per coefficient."""
+    lines = [f"{indent}{target} = {coefficients[-1]}"]
+    return lines + [f"{indent}{target} = {a} + {variable} * {target}" for a in reversed(coefficients[:-1])]
+
+
+DS = ["x1", *(f"{float(n)} * x{n}" for n in range(2, ORDER + 1))]
+
+
+def evaluate() -> str:
+    # Even and odd powers apart: two short chains of dependent operations instead of a long one.
+    lines = [unpack(XS, "x"), "    h2 = h * h"]
+    for target, series in (("x", XS), ("v", DS)):
+        lines += chain(f"{target}_even", series[0::2], "h2") + chain(f"{target}_odd", series[1::2], "h2")
+    lines.append("    return x_even + h * x_odd, v_even + h * v_odd")
+    return function("evaluate", "x, h", "Position and velocity of the polynomial x at h.", lines)
+
+
+def bend() -> str:
+    bs = [f"{float(n * (n - 1))} * abs(x{n})" for n in range(2, ORDER + 1)]
+    lines = [
+        unpack(["_x0", "_x1", *XS[2:]], "x"),
+        "    h2 = h * h",
+        *chain("even", bs[0::2], "h2"),
+        *chain("odd", bs[1::2], "h2"),
+    ]
+    lines.append("    return even + h * odd")
+    return function("bend", "x, h", "Bound on |x''| over [0, h].", lines)
+
+
+def descent() -> str:
+    lines = [unpack(["_x0", *XS[1:]], "x"), "    h2 = h * h"]
+    lines += chain("y_even", XS[1::2], "h2") + chain("y_odd", XS[2::2], "h2")
+    lines += chain("v_even", DS[0::2], "h2") + chain("v_odd", DS[1::2], "h2")
+    lines.append("    return -(y_even + h * y_odd), v_even + h * v_odd")
+    doc = "(x(0) - x(h)) / h, free of cancellation however small h is, and the velocity at h."
+    return function("descent", "x, h", doc, lines)
+
+
+def sample() -> str:
+    doc = "x and v of the polynomial that starts at t, at times[first:stop], into row i."
+    lines = [unpack(XS, "x")]
+    lines += [f"    d{n} = {float(n)} * x{n}" for n in range(2, ORDER + 1)]
+    lines.append("    for m in range(stop - first):")
+    # A signed index could wrap around, and such a loop is not vectorised.
+    lines += ["        j = np.uintp(first + m)", "        s = times[j] - t"]
+    lines += chain("y", XS, "s", " " * 8)
+    lines.append("        x_out[i, j] = y")
+    lines += chain("y", ["x1", *(f"d{n}" for n in range(2, ORDER + 1))], "s", " " * 8)
+    lines.append("        v_out[i, j] = y")
+    return function("sample", "x, t, times, first, stop, i, x_out, v_out", doc, lines)
+
+
+def constant() -> str:
+    lines = [listing("return ", ["u", *["0.0"] * (ORDER - 2)])]
+    return function("constant", "u", "Coefficients of a constant voltage.", lines)
+
+
+def drive() -> str:
+    doc = "Coefficients u plus those of a ramp a cos(omega t + angle); a cos(angle) = cosine, a sin(angle) = sine."
+    lines = [unpack(US, "u"), "    u0 += cosine", "    p = omega", "    u1 -= sine * p"]
+    for n in range(2, ORDER - 1):
+        name = "cosine" if n % 2 == 0 else "sine"
+        sign = "-" if n % 4 in (1, 2) else "+"
+        lines += ["    p = p * omega", f"    u{n} {sign}= {name} * (p * {1.0 / math.factorial(n)!r})"]
+    lines.append(pack(US))
+    return function("drive", "u, cosine, sine, omega", doc, lines)
+
+
+def flight_time() -> str:
+    doc = "Coefficients m = 0.. of w^(2m+1) in the flight time after a rebound at speed w; constant pull = c u² closes."
+    lines = ["    p0 = 1.0 / (gap - travel)", "    a0 = pull * (p0 * p0) - k * travel", "    b0 = 1.0 / a0"]
+    lines += ["    e1 = b0", "    f0 = 2.0 * e1"]
+    for n in range(1, TERMS):
+        lines.append(statement(f"p{n}", [f"e{j} * p{n - j}" for j in range(1, n + 1)], head="-p0 * "))
+        lines.append(statement("q", square("p", n)))
+        lines.append(f"    a{n} = 2.0 * pull * q + k * e{n}")
+        lines.append(statement(f"b{n}", [f"a{j} * b{n - j}" for j in range(1, n + 1)], head="-b0 * "))
+        m = n + 1
+        lines.append(f"    e{m} = b{n} * {1.0 / m!r}")
+        factor = m * math.gamma(m) * math.sqrt(math.pi) / math.gamma(m + 0.5) * 2.0 ** (1 - m)
+        lines.append(f"    f{n} = {factor!r} * e{m}")
+    lines.append(pack([f"f{n}" for n in range(TERMS)]))
+    return function("flight_time", "travel, gap, pull, k", doc, lines)
+
+
+def bounce_duration() -> str:
+    fs = [f"f{n}" for n in range(TERMS)]
+    lines = [unpack(fs, "f"), "    w2 = w * w", "    w4 = w2 * w2"]
+    lines += [*chain("even", fs[0::2], "w4"), *chain("odd", fs[1::2], "w4"), "    return w * (even + w2 * odd)"]
+    return function("bounce_duration", "f, w", "Flight time [µs] after a rebound at speed w.", lines)
+
+
+def render() -> str:
+    parts = [flight(False), flight(True), constant(), drive(), evaluate(), bend(), descent(), sample()]
+    return "".join([HEADER.format(order=ORDER, terms=TERMS), *parts, flight_time(), bounce_duration()])
+
+
+if __name__ == "__main__":
+    TARGET.write_text(render(), encoding="utf-8")

@@ -1,0 +1,1 @@
+"""What a response is worth: the objective, intervals, paired comparisons, Pareto fronts."""

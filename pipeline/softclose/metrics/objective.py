@@ -1,0 +1,263 @@
+"""Owns the metrics of one waveform on one ensemble: Eqs. 7-11, in cm/s, each with its interval.
+
+Works from the contact speeds and closed flags alone, so stored responses can be assessed again with other settings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.metrics import intervals
+from softclose.metrics.intervals import Interval, Proportion
+
+FloatArray = NDArray[np.float64]
+Form = Literal["penalty", "chance"]
+
+CM_S = 100.0
+"""cm/s in one µm/µs."""
+FORMS: tuple[str, ...] = ("penalty", "chance")
+
+
+class ObjectiveError(ValueError):
+    """A setting of the objective that is out of range, or a response that cannot be assessed."""
+
+
+class Response(Protocol):
+    """What `assess` needs. An optional `status` (n,) marks the switches that could not be integrated: not 0."""
+
+    @property
+    def max_contact_speed(self) -> FloatArray:
+        """V of Eq. 7 for each switch [µm/µs], (n,); NaN where it never touches."""
+
+    @property
+    def closed(self) -> NDArray[np.bool_]:
+        """Held in contact at the horizon, (n,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exceedance:
+    """P(V > limit) among the switches that made contact."""
+
+    limit_cm_s: float
+    """The limit [cm/s]."""
+    probability: Proportion
+    """Its estimate and intervals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assessment:
+    """Eqs. 7-11 for one ensemble. Velocities in cm/s; intervals are (lower, upper)."""
+
+    n: int
+    """Switches simulated, failed ones included."""
+    n_contact: int
+    """Switches that touched at least once."""
+    n_closed: int
+    """Switches held in contact at the horizon."""
+    n_failed: int
+    """Switches that could not be integrated: counted as not closed and without contact."""
+    g_cm_s: float
+    """The objective, Eq. 10 or its chance-constrained form. Always finite."""
+    g_interval: Interval
+    """Interval of g; inf above where too few switches touched to bound v_u."""
+    g_se_cm_s: float
+    """Standard error of g; where v_u is undefined, of its p_nc term only."""
+    feasible: bool
+    """p_nc <= p_max; always True in the penalty form."""
+    v_u_cm_s: float
+    """Upper velocity: level-quantile of V over the switches in contact, Eqs. 8-9. NaN where undefined."""
+    v_u_interval: Interval
+    """Distribution-free order-statistic interval."""
+    mean_cm_s: float
+    """Mean V over the switches in contact; NaN where none touched."""
+    mean_interval: Interval
+    """Student's interval."""
+    max_cm_s: float
+    """Largest V of the ensemble; NaN where none touched."""
+    p_nc: float
+    """Fraction of all switches not closed at the horizon."""
+    p_nc_intervals: Proportion
+    """p_nc with Eq. 11, Wilson and Clopper-Pearson."""
+    p_contact: float
+    """Fraction of all switches that touched."""
+    p_above_v_u: float
+    """Fraction of the switches in contact with V > v_u; NaN where undefined."""
+    p_above_v_u_half_width: float
+    """The `a` of Eq. 11 for it."""
+    p_exceed: tuple[Exceedance, ...]
+    """P(V > limit) for each limit."""
+    level: float
+    """The quantile's level."""
+    confidence: float
+    """Confidence of every interval."""
+    intervals_valid: bool
+    """True for independent random sampling. Quasi-random points are not independent: no interval holds for them."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Nested plain values, for JSON and stores."""
+        return asdict(self)
+
+
+def assess(
+    response: Response,
+    *,
+    c1_cm_s: float = 25.0,
+    level: float = 0.9,
+    limits_cm_s: Sequence[float] = (19.7,),
+    sampling: str = "monte-carlo",
+    form: Form = "penalty",
+    p_max: float | None = None,
+    chance_penalty_cm_s: float = 500.0,
+    min_contact: float = 0.1,
+    undefined_v_u_cm_s: float = 60.0,
+    confidence: float = 0.95,
+) -> Assessment:
+    """Assess one waveform: g, v_u, mean V, p_nc and P(V > limit), each with its interval.
+
+    form "penalty": g = v_u + c1 p_nc (Eq. 10). form "chance" (minimise v_u subject to p_nc <= p_max):
+    g = v_u + chance_penalty max(0, p_nc - p_max), an exact penalty: where it outweighs what v_u gains per unit of
+    p_nc (about 25 cm/s at the published optimum) the minimum of g is the constrained one. p_nc must be estimated,
+    so p_max is met by the estimate; its intervals say how surely.
+    Where fewer than min_contact of the switches touch, v_u counts as undefined_v_u in g and is reported as NaN.
+    P(V > limit) has the switches in contact as denominator, as v_u has: a waveform cannot pass by not closing.
+    Intervals hold for independent random sampling only; `intervals_valid` is False for any other `sampling`.
+    Raises ObjectiveError.
+    """
+    _check(locals())
+    speed, closed, n_failed = _arrays(response)
+    n = speed.size
+    contact = ~np.isnan(speed)
+    v = speed[contact] * CM_S
+    ordered = np.sort(v)
+    n_contact, n_closed = ordered.size, int(closed.sum())
+    p_nc = intervals.proportion(n - n_closed, n, confidence)
+
+    defined = n_contact > 0 and n_contact >= min_contact * n
+    v_u, v_u_interval, v_u_se, association = math.nan, intervals.NO_INTERVAL, 0.0, 0.0
+    above = math.nan, math.nan
+    if defined:
+        v_u = float(ordered[intervals.quantile_rank(n_contact, level) - 1])
+        lower, upper = intervals.quantile_interval(ordered, level, confidence)
+        v_u_interval = max(lower, 0.0), upper  # a speed: 0 bounds it where no draw does
+        v_u_se = intervals.quantile_standard_error(ordered, level) if n_contact > 1 else 0.0
+        association = _association(v, ~closed[contact], v_u, level, p_nc.estimate, n)
+        tail = intervals.proportion(int((v > v_u).sum()), n_contact, confidence)
+        above = tail.estimate, tail.half_width
+
+    slope, floor = (c1_cm_s, 0.0) if form == "penalty" else (chance_penalty_cm_s, float(p_max or 0.0))
+
+    def penalty(p: float) -> float:
+        return slope * max(0.0, p - floor)
+
+    g = (v_u if defined else undefined_v_u_cm_s) + penalty(p_nc.estimate)
+    q_range = (v_u - v_u_interval[0], v_u_interval[1] - v_u) if defined else (0.0, 0.0)
+    p_lower, p_upper = p_nc.wilson
+    p_range = penalty(p_nc.estimate) - penalty(p_lower), penalty(p_upper) - penalty(p_nc.estimate)
+    # Half of Wilson's width over z is the standard error of p_nc, and stays above 0 where none or all closed.
+    p_se = (penalty(p_upper) - penalty(p_lower)) / (2.0 * intervals.normal_quantile(confidence))
+
+    return Assessment(
+        n=n,
+        n_contact=n_contact,
+        n_closed=n_closed,
+        n_failed=n_failed,
+        g_cm_s=g,
+        g_interval=(
+            g - _joint(q_range[0], p_range[0], association),
+            g + _joint(q_range[1], p_range[1], association),
+        ),
+        g_se_cm_s=_joint(v_u_se, p_se, association),
+        feasible=form == "penalty" or p_nc.estimate <= floor,
+        v_u_cm_s=v_u,
+        v_u_interval=v_u_interval,
+        mean_cm_s=float(v.mean()) if n_contact else math.nan,
+        mean_interval=intervals.mean_interval(v, confidence),
+        max_cm_s=float(ordered[-1]) if n_contact else math.nan,
+        p_nc=p_nc.estimate,
+        p_nc_intervals=p_nc,
+        p_contact=n_contact / n,
+        p_above_v_u=above[0],
+        p_above_v_u_half_width=above[1],
+        p_exceed=tuple(
+            Exceedance(
+                limit_cm_s=float(limit),
+                probability=intervals.proportion(int((v > limit).sum()), n_contact, confidence),
+            )
+            for limit in limits_cm_s
+        ),
+        level=level,
+        confidence=confidence,
+        intervals_valid=sampling == "monte-carlo",
+    )
+
+
+def _joint(a: float, b: float, correlation: float) -> float:
+    """Deviation of a sum of two estimates from the deviations of each (for intervals: Zou and Donner's MOVER)."""
+    if math.isinf(a):
+        return a
+    return math.sqrt(max(a * a + b * b + 2.0 * correlation * a * b, 0.0))
+
+
+def _association(v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: float, p_nc: float, n: int) -> float:
+    """Asymptotic correlation of the estimates of v_u and p_nc, from their influence functions.
+
+    A switch moves v_u by (level - 1{V <= v_u}) / (f P(contact)) and p_nc by 1{open} - p_nc; the density f cancels.
+    """
+    if not 0.0 < p_nc < 1.0:
+        return 0.0
+    covariance = float((level - (v[open_] <= v_u)).sum()) / n
+    spread = math.sqrt(level * (1.0 - level) * v.size / n * p_nc * (1.0 - p_nc))
+    return min(max(covariance / spread, -1.0), 1.0)
+
+
+def _arrays(response: Response) -> tuple[FloatArray, NDArray[np.bool_], int]:
+    speed = np.asarray(response.max_contact_speed, dtype=np.float64)
+    closed = np.asarray(response.closed, dtype=np.bool_)
+    if speed.ndim != 1 or speed.size == 0 or closed.shape != speed.shape:
+        raise ObjectiveError(
+            f"max_contact_speed has shape {speed.shape} and closed {closed.shape}; "
+            "both must be (n,), one entry for each of one or more switches"
+        )
+    status = getattr(response, "status", None)
+    failed = np.zeros(speed.shape, dtype=np.bool_) if status is None else np.asarray(status) != 0
+    if failed.shape != speed.shape:
+        raise ObjectiveError(f"status has shape {failed.shape}; it must be {speed.shape}, as max_contact_speed")
+    if failed.any():
+        speed, closed = np.where(failed, np.nan, speed), closed & ~failed
+    if np.isinf(speed).any() or (speed < 0.0).any():
+        raise ObjectiveError("max_contact_speed has infinite or negative entries; it is 0 or more, NaN without contact")
+    return speed, closed, int(failed.sum())
+
+
+def _check(a: dict[str, Any]) -> None:
+    def number(name: str, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
+            raise ObjectiveError(f"{name} is {value!r}; it must be a finite number")
+        return float(value)
+
+    for name in ("c1_cm_s", "chance_penalty_cm_s", "undefined_v_u_cm_s"):
+        if number(name, a[name]) < 0.0:
+            raise ObjectiveError(f"{name} is {a[name]:g}; it must be 0 or more")
+    for name in ("level", "confidence"):
+        if not 0.0 < number(name, a[name]) < 1.0:
+            raise ObjectiveError(f"{name} is {a[name]:g}; it must lie between 0 and 1 (0.9 is 90 %)")
+    if not 0.0 <= number("min_contact", a["min_contact"]) <= 1.0:
+        raise ObjectiveError(f"min_contact is {a['min_contact']:g}; it is a fraction, from 0 to 1")
+    for limit in a["limits_cm_s"]:
+        if number("a limit in limits_cm_s", limit) < 0.0:
+            raise ObjectiveError(f"limits_cm_s has {limit:g}; a speed limit is 0 or more")
+    if a["form"] not in FORMS:
+        raise ObjectiveError(f"form is {a['form']!r}; it must be one of {', '.join(FORMS)}")
+    if a["form"] == "chance":
+        if a["p_max"] is None:
+            raise ObjectiveError("form 'chance' needs p_max, the largest allowed fraction of switches not closed")
+        if not 0.0 <= number("p_max", a["p_max"]) < 1.0:
+            raise ObjectiveError(f"p_max is {a['p_max']:g}; it is a fraction, from 0 to below 1")
+    elif a["p_max"] is not None:
+        raise ObjectiveError("p_max is given, but form is 'penalty', which has no limit on p_nc; use form 'chance'")

@@ -1,0 +1,89 @@
+"""Owns what can be plugged in, by name: engines and device models, those shipped and those installed as entry points.
+
+Names are checked without importing what they stand for: reading a configuration needs no compiler and no optimiser.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any
+
+from softclose.naming import unknown_name
+
+
+class EngineError(ValueError):
+    """An engine that does not exist, is not installed, or does not fit the search space."""
+
+
+class ModelError(ValueError):
+    """A device model that is not installed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plugin:
+    """One kind of thing that can be plugged in."""
+
+    what: str
+    """What messages call it."""
+    group: str
+    """Group of the entry points."""
+    key: str
+    """Setting that names it."""
+    shipped: Mapping[str, str]
+    """Name -> `module:attribute` of those that come with the package."""
+    error: type[ValueError]
+    """Raised for a name that is not known."""
+
+    def names(self) -> tuple[str, ...]:
+        """Those shipped, then those installed."""
+        return (*self.shipped, *sorted(e.name for e in entry_points(group=self.group)))
+
+    def check(self, name: str) -> None:
+        """Raise `error`, naming the nearest known one, where there is none of that name. Imports none."""
+        if name not in self.names():
+            raise self.error(unknown_name(self.what, name, self.names(), self.key))
+
+    def load(self, name: str) -> Any:
+        """The object of that name; imports only that one."""
+        if name in self.shipped:
+            return load_object(self.shipped[name])
+        self.check(name)
+        return next(e for e in entry_points(group=self.group) if e.name == name).load()
+
+
+def load_object(target: str) -> Any:
+    """The object at `module:attribute`."""
+    module, _, attribute = target.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+ENGINES = Plugin(
+    what="engine",
+    group="softclose.engines",
+    key="optimiser.engine",
+    shipped={
+        "sobol": "softclose.propose.sobol:SobolEngine",
+        "skopt": "softclose.propose.skopt_engine:SkoptEngine",
+        "paper": "softclose.propose.paper:PaperEngine",
+        "direct": "softclose.propose.direct:DirectEngine",
+        "cmaes": "softclose.propose.cmaes:CmaesEngine",
+        "botorch": "softclose.propose.botorch:BotorchEngine",
+    },
+    error=EngineError,
+)
+"""Whoever proposes waveforms; see `softclose.propose.protocol.Engine`."""
+
+SINGLE_MODE = "single-mode"
+"""The model of Eqs. 1-2, `softclose.simulate`."""
+
+MODELS = Plugin(
+    what="device model",
+    group="softclose.models",
+    key="model.name",
+    shipped={SINGLE_MODE: "softclose.ensemble:simulate"},
+    error=ModelError,
+)
+"""Whatever answers a waveform; see `softclose.device.DeviceModel`."""

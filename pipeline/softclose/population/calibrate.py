@@ -1,0 +1,193 @@
+"""Owns calibration (paper §2.2): device measurements in, modulus of each device and a fitted population out.
+
+E follows from Eqs. 3-4. D and G get Betas, E and T uniform distributions, as in the published study.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.plate import PLATE_AREA_UM2, modulus, stiffness_from_pull_in
+from softclose.population.distributions import PopulationError
+from softclose.population.files import write_population
+from softclose.population.fit import Fit, Kind, fit
+from softclose.population.measurements import MeasurementError, Measurements
+from softclose.population.population import UNITS, VARIABLES, Population
+
+FloatArray = NDArray[np.float64]
+
+KINDS: dict[str, Kind] = {"D": "beta", "G": "beta", "E": "uniform", "T": "uniform"}
+_PLAUSIBLE_E_GPA = (1.0, 1000.0)
+_FITTED_T_UM = (5.0, 9.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """A population fitted to measurements, and how well."""
+
+    population: Population
+    """The fitted population."""
+    parameters: FloatArray
+    """(n, 4) D, G [µm], E [GPa], T [µm] of each device."""
+    fits: dict[str, Fit]
+    """One for each of D, G, E, T."""
+    correlation: FloatArray
+    """(4, 4) rank correlation of D, G, E, T. The model takes them as independent; E from Eqs. 3-4 inherits the errors
+    of G and T, which can correlate it with them (paper §2.2)."""
+    confidence: float
+    """Confidence of every interval."""
+    notes: tuple[str, ...]
+    """What a reader should know before using the population."""
+
+    def panels(self, n_grid: int = 200) -> dict[str, dict[str, FloatArray]]:
+        """Fig. 3: for each variable the histogram (edges, density) and the fitted curve (grid, fitted)."""
+        out: dict[str, dict[str, FloatArray]] = {}
+        for column, v in zip(self.parameters.T, VARIABLES, strict=True):
+            b = self.fits[v].distribution
+            density, edges = np.histogram(column, bins=max(5, math.ceil(math.sqrt(column.size))), density=True)
+            margin = 0.05 * (b.upper - b.lower)
+            grid = np.linspace(b.lower - margin, b.upper + margin, n_grid)
+            out[v] = {"edges": edges, "density": density, "grid": grid, "fitted": b.density(grid)}
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON: the population, every fitted number with its interval, goodness of fit, notes."""
+        return {
+            "n_devices": len(self.parameters),
+            "confidence": self.confidence,
+            "population": self.population.to_dict(),
+            "fits": {
+                v: {
+                    "kind": KINDS[v],
+                    "unit": UNITS[v],
+                    "cramer_von_mises": f.statistic,
+                    "p_value": f.p_value,
+                    **{name: [e.value, *e.interval] for name, e in f.numbers.items()},
+                }
+                for v, f in self.fits.items()
+            },
+            "rank_correlation": self.correlation.tolist(),
+            "notes": list(self.notes),
+        }
+
+
+def device_parameters(measurements: Measurements, plate_area_um2: float = PLATE_AREA_UM2) -> FloatArray:
+    """(n, 4) D, G [µm], E [GPa], T [µm]: E is what makes the stiffness of Eq. 4 the one that Eq. 3 asks for."""
+    m = measurements
+    e = modulus(stiffness_from_pull_in(m.pull_in_V, m.G_um, plate_area_um2), m.T_um)
+    low, high = _PLAUSIBLE_E_GPA
+    for device, value in zip(m.device, e, strict=True):
+        if not low <= value <= high:
+            raise MeasurementError(
+                f"device {device}: its pull-in voltage gives a modulus of {value:.3g} GPa; expected {low:g}–{high:g} "
+                f"GPa. Check pull_in_V, G_um, T_um and the plate area ({plate_area_um2:g} µm²)"
+            )
+    return np.stack([m.D_um, m.G_um, e, m.T_um], axis=1)
+
+
+def calibrate(
+    measurements: Measurements,
+    *,
+    name: str = "calibrated",
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    plate_area_um2: float = PLATE_AREA_UM2,
+    n_bootstrap: int = 500,
+    confidence: float = 0.95,
+    seed: int = 0,
+) -> Calibration:
+    """Fit the population of SPEC §4 to measurements.
+
+    bounds: (lower, upper) of any of D, G, E, T known from the process (µm, GPa); the others are estimated, see
+    `softclose.population.fit`. Same seed, same intervals. Raises MeasurementError.
+    """
+    bounds = dict(bounds or {})
+    parameters = device_parameters(measurements, plate_area_um2)
+    _check_settings(bounds, parameters, n_bootstrap, confidence)
+    notes: list[str] = []
+    fits: dict[str, Fit] = {}
+    for stream, (v, column) in enumerate(zip(VARIABLES, parameters.T, strict=True)):
+        if np.ptp(column) <= 1e-9 * column.mean():
+            raise MeasurementError(f"{v} is the same for all devices; a distribution needs values that differ")
+        fits[v] = fit(
+            column,
+            KINDS[v],
+            bounds=bounds.get(v),
+            n_bootstrap=n_bootstrap,
+            confidence=confidence,
+            seed=seed,
+            stream=stream,
+        )
+        if fits[v].p_value < 0.05:
+            notes.append(
+                f"{v} is poorly described by a {KINDS[v]} distribution (Cramér-von Mises p = {fits[v].p_value:.3f})"
+            )
+    thickness = measurements.T_um
+    outside = int(((thickness < _FITTED_T_UM[0]) | (thickness > _FITTED_T_UM[1])).sum())
+    if outside:
+        notes.append(f"{outside} devices are thinner or thicker than the 5–9 µm for which Eq. 4 was fitted")
+    from scipy.stats import spearmanr
+
+    correlation, p_values = (np.asarray(part) for part in spearmanr(parameters))
+    notes += [
+        f"{VARIABLES[j]} and {VARIABLES[i]} are correlated (rank correlation {correlation[i, j]:.2f}); "
+        "the model takes them as independent"
+        for i in range(4)
+        for j in range(i)
+        if p_values[i, j] < 0.05 / 6.0  # six pairs
+    ]
+    try:
+        population = Population(
+            name=name,
+            description=f"Fitted to {len(parameters)} measured devices",
+            **{v: f.distribution for v, f in fits.items()},
+        )
+    except PopulationError as e:
+        raise MeasurementError(f"the fitted distributions are no population: {e}. Give the process's bounds") from e
+    return Calibration(
+        population=population,
+        parameters=parameters,
+        fits=fits,
+        correlation=correlation,
+        confidence=confidence,
+        notes=tuple(notes),
+    )
+
+
+def write_calibration(calibration: Calibration, path: str | Path) -> None:
+    """Write the population as TOML that `load_population` accepts; intervals, goodness of fit and notes as comments."""
+    lines = [
+        calibration.population.description,
+        f"fitted number: value [{calibration.confidence:.0%} bootstrap interval]",
+    ]
+    for v, f in calibration.fits.items():
+        lines.append(f"{v} [{UNITS[v]}], {KINDS[v]}; Cramér-von Mises {f.statistic:.4f}, p = {f.p_value:.3f}")
+        for name, e in f.numbers.items():
+            if KINDS[v] == "beta" or name not in ("alpha", "beta"):
+                lines.append(f"  {name}: {e.value:.6g} [{e.interval[0]:.6g}, {e.interval[1]:.6g}]")
+    lines += [f"note: {note}" for note in calibration.notes]
+    write_population(calibration.population, path, lines)
+
+
+def _check_settings(
+    bounds: Mapping[str, tuple[float, float]], parameters: FloatArray, n_bootstrap: int, confidence: float
+) -> None:
+    for v, (lower, upper) in bounds.items():
+        if v not in VARIABLES:
+            raise MeasurementError(f"bounds are given for {v!r}; known variables: {', '.join(VARIABLES)}")
+        column = parameters[:, VARIABLES.index(v)]
+        if not lower <= column.min() <= column.max() <= upper or not lower < upper:
+            raise MeasurementError(
+                f"the bounds of {v} are {lower:g} to {upper:g} {UNITS[v]}, but devices reach from "
+                f"{column.min():.5g} to {column.max():.5g}: widen them, or leave them out"
+            )
+    if n_bootstrap < 20:
+        raise MeasurementError(f"n_bootstrap is {n_bootstrap}; intervals need at least 20 (500 is usual)")
+    if not 0.0 < confidence < 1.0:
+        raise MeasurementError(f"confidence is {confidence:g}; it must lie between 0 and 1")

@@ -1,0 +1,245 @@
+"""Owns the TOML form of a population: reading it (nominal values solved from printed means) and writing it.
+
+A file gives D, G, E and T, or a `base` and what differs from it. See `shipped/` for the shipped ones.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from softclose.naming import did_you_mean
+from softclose.plate import A1, mass, stiffness
+from softclose.population.distributions import Bounded, PopulationError, portable
+from softclose.population.population import VARIABLES, Population
+
+SHIPPED = ("current", "modified", "process-improved", "paper-text")
+"""Names of the populations that come with the package."""
+
+_TOP = ("name", "description", "base", *VARIABLES, "targets", "transform")
+_TARGETS = ("mean_M_ug", "mean_K_N_per_m")
+_TRANSFORMS = ("shift_mean", "repeatability")
+_KEYS = {
+    "beta": ("distribution", "lower", "upper", "mean", "shape_sum", "alpha", "beta"),
+    "uniform": ("distribution", "lower", "upper", "nominal", "half_width"),
+    "fixed": ("distribution", "value"),
+}
+_PAPER_SHAPE_SUM = 4.0
+
+
+def load_population(source: str | Path) -> Population:
+    """A shipped population by name (`population_names`), or one described by a TOML file.
+
+    Raises PopulationError for an unknown name, an unreadable file or an invalid description.
+    """
+    if isinstance(source, str) and source in SHIPPED:
+        return _shipped(source)
+    return read_population(source)
+
+
+def population_names() -> tuple[str, ...]:
+    """Names of the shipped populations."""
+    return SHIPPED
+
+
+@functools.cache
+def _shipped(name: str) -> Population:
+    return read_population(name)
+
+
+def read_population(source: str | Path) -> Population:
+    """Read a shipped population by name or a TOML file by path. Raises PopulationError, naming the file."""
+    return _read(source, ())
+
+
+def _read(source: str | Path, seen: tuple[str, ...]) -> Population:
+    if str(source) in SHIPPED:
+        label, text = (
+            str(source),
+            (resources.files("softclose.population") / "shipped" / f"{source}.toml").read_text("utf-8"),
+        )
+        folder = None
+    else:
+        path = Path(source)
+        if path.suffix != ".toml" and not path.exists():
+            raise PopulationError(
+                f"no population is called {str(source)!r}; {did_you_mean(str(source), SHIPPED)}"
+                f"known: {', '.join(SHIPPED)}, or give the path of a TOML file"
+            )
+        try:
+            label, text, folder = str(path), path.read_text("utf-8"), path.parent
+        except (OSError, UnicodeDecodeError) as e:
+            raise PopulationError(f"the population file {path} cannot be read: {e}") from e
+    if label in seen:
+        raise PopulationError(f"{label}: populations are based on each other in a circle: {' -> '.join(seen)}")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as e:
+        raise PopulationError(f"{label} is not valid TOML: {e}") from e
+    try:
+        base = None
+        if "base" in data:
+            name = data["base"]
+            if not isinstance(name, str):
+                raise PopulationError(f"base is {name!r}; it must be the name of a population or a file's path")
+            base = _read(folder / name if folder is not None and name.endswith(".toml") else name, (*seen, label))
+        return _build(data, base)
+    except PopulationError as e:
+        raise PopulationError(f"{label}: {e}") from e
+
+
+def _build(data: Mapping[str, Any], base: Population | None) -> Population:
+    _known(data, _TOP, "")
+    known: dict[str, Bounded] = {} if base is None else {v: getattr(base, v) for v in VARIABLES}
+    open_nominal: dict[str, float] = {}
+    for v in VARIABLES:
+        if v not in data:
+            if base is None:
+                raise PopulationError(f"[{v}] is missing; give D, G, E and T, or a base that has them")
+            continue
+        parsed = _variable(v, _table(data, v))
+        if isinstance(parsed, Bounded):
+            known[v] = parsed
+        else:
+            open_nominal[v] = parsed
+    if open_nominal or "targets" in data:
+        _solve_nominals(known, open_nominal, _table(data, "targets") if "targets" in data else {})
+    transform = _table(data, "transform") if "transform" in data else {}
+    _known(transform, VARIABLES, "transform")
+    for v in transform:
+        change = _table(transform, v)
+        _known(change, _TRANSFORMS, f"transform.{v}")
+        # Eqs. 14 and 15 commute, so their order needs no rule.
+        try:
+            known[v] = known[v].shift_mean(_number(change, "shift_mean", 0.0))
+            known[v] = known[v].scale_spread(_number(change, "repeatability", 1.0))
+        except PopulationError as e:
+            raise PopulationError(f"[transform.{v}] {e}") from e
+    name = data.get("name", base.name if base else "unnamed")
+    description = data.get("description", base.description if base else "")
+    return Population(name=str(name), description=str(description), **known)
+
+
+def _variable(v: str, table: Mapping[str, Any]) -> Bounded | float:
+    """The distribution, or the relative half-width where the nominal value is left to the targets."""
+    kind = table.get("distribution")
+    if kind not in _KEYS:
+        raise PopulationError(
+            f"[{v}] distribution is {kind!r}; {did_you_mean(str(kind), _KEYS)}it must be one of {', '.join(_KEYS)}"
+        )
+    _known(table, _KEYS[kind], v)
+    try:
+        if kind == "fixed":
+            value = _number(table, "value")
+            return Bounded(lower=value, upper=value)
+        if kind == "uniform":
+            if "half_width" not in table:
+                return Bounded(lower=_number(table, "lower"), upper=_number(table, "upper"))
+            half = _number(table, "half_width")
+            if not 0.0 <= half < 1.0:
+                raise PopulationError(f"half_width is {half:g}; it is a fraction of the nominal, from 0 to below 1")
+            if "lower" in table or "upper" in table:
+                raise PopulationError("give either lower and upper, or nominal and half_width, not both")
+            if "nominal" not in table:
+                return half
+            return _around(_number(table, "nominal"), half)
+        lower, upper = _number(table, "lower"), _number(table, "upper")
+        if ("mean" in table) == ("alpha" in table or "beta" in table):
+            raise PopulationError("give either mean (and shape_sum), or alpha and beta")
+        if "mean" in table:
+            shape_sum = _number(table, "shape_sum", _PAPER_SHAPE_SUM)
+            return Bounded.from_mean(lower, upper, _number(table, "mean"), shape_sum)
+        return Bounded(lower=lower, upper=upper, alpha=_number(table, "alpha"), beta=_number(table, "beta"))
+    except PopulationError as e:
+        raise PopulationError(f"[{v}] {e}") from e
+
+
+def _solve_nominals(known: dict[str, Bounded], half_widths: Mapping[str, float], targets: Mapping[str, Any]) -> None:
+    """Find the nominal T and E at which E[M] and E[K] are the printed ones: M depends on T only, K is linear in E."""
+    _known(targets, _TARGETS, "targets")
+    for v, key in (("T", "mean_M_ug"), ("E", "mean_K_N_per_m")):
+        if v in half_widths and key not in targets:
+            raise PopulationError(f"[{v}] has no nominal; give it, or targets.{key} from which it follows")
+        if key in targets and v not in half_widths:
+            raise PopulationError(f"targets.{key} is given, but [{v}] leaves no nominal to solve for: remove one")
+    for v in half_widths:
+        if v not in ("E", "T"):
+            raise PopulationError(f"[{v}] has no nominal; only those of E and T can follow from targets")
+    if "T" in half_widths:
+        known["T"] = _thickness(half_widths["T"], _number(targets, "mean_M_ug"))
+    if "E" in half_widths:
+        half, target = half_widths["E"], _number(targets, "mean_K_N_per_m")
+        known["E"] = _around(portable(target / known["T"].expect(lambda t: stiffness(1.0, t))), half)
+
+
+@functools.cache
+def _thickness(half: float, mean_mass_ug: float) -> Bounded:
+    """Uniform T with E[M] as given. Bisection: M grows with T, and scipy.optimize would cost 0.2 s to import."""
+    lo, hi = A1 / (1.0 - half), 100.0
+    lightest, heaviest = _around(lo, half).expect(mass), _around(hi, half).expect(mass)
+    if not lightest < mean_mass_ug < heaviest:
+        raise PopulationError(
+            f"targets.mean_M_ug is {mean_mass_ug:g}; with this half_width Eq. 6 gives {lightest:.3g} to "
+            f"{heaviest:.3g} µg"
+        )
+    while hi - lo > 1e-14 * hi:
+        mid = 0.5 * (lo + hi)
+        lo, hi = (mid, hi) if _around(mid, half).expect(mass) < mean_mass_ug else (lo, mid)
+    return _around(portable(hi), half)
+
+
+def _around(nominal: float, half: float) -> Bounded:
+    return Bounded(lower=nominal * (1.0 - half), upper=nominal * (1.0 + half))
+
+
+def write_population(population: Population, path: str | Path, comments: Iterable[str] = ()) -> None:
+    """Write a file that `read_population` turns back into an equal population. comments: lines put at the top."""
+    lines = [f"# {c}" if c else "#" for c in comments]
+    lines += [f"name = {_string(population.name)}", f"description = {_string(population.description)}"]
+    for v in VARIABLES:
+        b: Bounded = getattr(population, v)
+        lines += ["", f"[{v}]"]
+        if b.lower == b.upper:
+            lines += ['distribution = "fixed"', f"value = {b.lower!r}"]
+            continue
+        lines += [f'distribution = "{"uniform" if b.is_uniform else "beta"}"', f"lower = {b.lower!r}"]
+        lines.append(f"upper = {b.upper!r}")
+        if not b.is_uniform:
+            lines += [f"alpha = {b.alpha!r}", f"beta = {b.beta!r}"]
+    Path(path).write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def _string(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+
+
+def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = data[key]
+    if not isinstance(value, Mapping):
+        raise PopulationError(f"{key} is {value!r}; it must be a table, [{key}]")
+    return value
+
+
+def _number(table: Mapping[str, Any], key: str, default: float | None = None) -> float:
+    value = table.get(key, default)
+    if value is None:
+        raise PopulationError(f"{key} is missing")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise PopulationError(f"{key} is {value!r}; it must be a finite number")
+    return float(value)
+
+
+def _known(table: Mapping[str, Any], allowed: Iterable[str], where: str) -> None:
+    allowed = tuple(allowed)
+    for key in table:
+        if key not in allowed:
+            place = f"[{where}] " if where else ""
+            raise PopulationError(
+                f"{place}unknown key {key!r}; {did_you_mean(key, allowed)}known: {', '.join(allowed)}"
+            )

@@ -1,0 +1,190 @@
+"""Owns the fit of one bounded distribution to a handful of measured values, with bootstrap intervals and a test of fit.
+
+Both kinds of bounds are estimated where they are not given, and an estimated bound is not a regular parameter: the
+bootstrap is parametric (resampling the data would never put a value beyond the largest one). Its intervals are basic
+ones, but for the shapes where the bounds are fitted too: those are confined, and percentile intervals stay within the
+confines. Measured coverage with 60 devices: ADR 043.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.metrics.intervals import Interval
+from softclose.population.distributions import Bounded
+
+FloatArray = NDArray[np.float64]
+Kind = Literal["beta", "uniform"]
+
+SHAPE_SUM = 4.0
+"""alpha + beta of a Beta whose bounds are unknown too (SPEC §4): 50 devices cannot tell four free numbers apart."""
+_REACH = 2.0  # an estimated bound lies at most this many data ranges outside the data
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One fitted number."""
+
+    value: float
+    """The estimate."""
+    interval: Interval
+    """Its bootstrap interval; of no width where the number was given, not fitted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """A distribution fitted to one variable."""
+
+    distribution: Bounded
+    """The fitted distribution."""
+    numbers: dict[str, Estimate]
+    """lower, upper, alpha, beta, mean, sd, half_width (relative to the middle), each with its interval."""
+    statistic: float
+    """Cramér-von Mises distance between data and fit."""
+    p_value: float
+    """How often data drawn from the fit, and fitted again, lie at least as far away: small speaks against it."""
+
+
+def fit(
+    values: FloatArray,
+    kind: Kind,
+    *,
+    bounds: tuple[float, float] | None = None,
+    n_bootstrap: int = 500,
+    confidence: float = 0.95,
+    seed: int = 0,
+    stream: int = 0,
+) -> Fit:
+    """Fit a Beta by maximum likelihood or a uniform distribution by its unbiased end points. values: (n,).
+
+    With `bounds` given, both shapes of a Beta are free. Without, the bounds are fitted with alpha + beta == 4 and both
+    shapes at least 1 (below, the likelihood has no maximum). A uniform with given bounds has nothing left to fit.
+    """
+
+    def estimate(x: FloatArray) -> Bounded:
+        if kind == "uniform":
+            return Bounded(lower=bounds[0], upper=bounds[1]) if bounds else _uniform(x)
+        return _beta_within(x, *bounds) if bounds else _beta(x)
+
+    best = estimate(values)
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(stream,))))
+    ordered = np.sort(values)
+    statistic = cramer_von_mises(ordered, best)
+    numbers = _numbers(best)
+    again = np.empty((n_bootstrap, len(numbers)))
+    further = 0
+    for i in range(n_bootstrap):
+        x = np.sort(best.quantile(rng.random(values.size)))
+        refit = estimate(x)
+        again[i] = list(_numbers(refit).values())
+        further += cramer_von_mises(x, refit) >= statistic
+    tail = 50.0 * (1.0 - confidence)
+    low, high = np.percentile(again, [tail, 100.0 - tail], axis=0)
+    return Fit(
+        distribution=best,
+        numbers={
+            name: Estimate(value=value, interval=_interval(name, value, float(a), float(b), bounds is None))
+            for (name, value), a, b in zip(numbers.items(), low, high, strict=True)
+        },
+        statistic=statistic,
+        p_value=(further + 1) / (n_bootstrap + 1),
+    )
+
+
+def _interval(name: str, value: float, low: float, high: float, confined: bool) -> Interval:
+    if name not in ("alpha", "beta"):
+        return 2.0 * value - high, 2.0 * value - low
+    return (low, high) if confined else (value * value / high, value * value / low)  # shapes scale: basic in the log
+
+
+def cramer_von_mises(ordered: FloatArray, b: Bounded) -> float:
+    """Cramér-von Mises statistic of ascending values against a distribution."""
+    from scipy.special import betainc
+
+    n = ordered.size
+    cdf = betainc(b.alpha, b.beta, np.clip((ordered - b.lower) / (b.upper - b.lower), 0.0, 1.0))
+    return float(1.0 / (12.0 * n) + ((cdf - (np.arange(n) + 0.5) / n) ** 2).sum())
+
+
+def _numbers(b: Bounded) -> dict[str, float]:
+    half = (b.upper - b.lower) / (b.upper + b.lower)
+    numbers = {"lower": b.lower, "upper": b.upper, "alpha": b.alpha, "beta": b.beta, "mean": b.mean, "sd": b.sd}
+    return numbers | {"half_width": half}
+
+
+def _uniform(x: FloatArray) -> Bounded:
+    low, high = float(x.min()), float(x.max())
+    beyond = (high - low) / (x.size - 1)
+    return Bounded(lower=low - beyond, upper=high + beyond)
+
+
+def _beta(x: FloatArray) -> Bounded:
+    """Maximum likelihood over both bounds and alpha, with alpha + beta fixed."""
+    low, high = float(x.min()), float(x.max())
+    width = high - low
+    z = (x - low) / width
+
+    def cost(theta: FloatArray) -> tuple[float, FloatArray]:
+        below, above = np.exp(theta[:2])
+        a, b = theta[2], SHAPE_SUM - theta[2]
+        left, right, full = z + below, 1.0 - z + above, 1.0 + below + above
+        value, d_a, d_b = _minus_log_likelihood(np.log(left / full), np.log(right / full), a, b)
+        n = x.size
+        value += n * float(np.log(full))
+        d_full = n * (a + b - 1.0) / full
+        d_below = (d_full - (a - 1.0) * (1.0 / left).sum()) * below
+        d_above = (d_full - (b - 1.0) * (1.0 / right).sum()) * above
+        return value, np.array([d_below, d_above, d_a - d_b])
+
+    reach = np.log(1.0 / x.size), (np.log(1e-9), np.log(_REACH))
+    theta = _minimise(cost, [reach[0], reach[0], 0.5 * SHAPE_SUM], [reach[1], reach[1], (1.0, SHAPE_SUM - 1.0)])
+    below, above = np.exp(theta[:2])
+    return Bounded(
+        lower=low - width * float(below),
+        upper=high + width * float(above),
+        alpha=float(theta[2]),
+        beta=SHAPE_SUM - float(theta[2]),
+    )
+
+
+def _beta_within(x: FloatArray, lower: float, upper: float) -> Bounded:
+    """Maximum likelihood over both shapes, within given bounds."""
+    # A value on a bound would have likelihood 0 or infinity; the measurement's last digit put it there.
+    z = np.clip((x - lower) / (upper - lower), 1e-6, 1.0 - 1e-6)
+    log_left, log_right = np.log(z), np.log1p(-z)
+
+    def cost(theta: FloatArray) -> tuple[float, FloatArray]:
+        a, b = np.exp(theta)
+        value, d_a, d_b = _minus_log_likelihood(log_left, log_right, a, b)
+        return value, np.array([d_a * a, d_b * b])
+
+    a, b = np.exp(_minimise(cost, [np.log(2.0), np.log(2.0)], [(-3.0, 7.0), (-3.0, 7.0)]))
+    return Bounded(lower=lower, upper=upper, alpha=float(a), beta=float(b))
+
+
+def _minus_log_likelihood(
+    log_left: FloatArray, log_right: FloatArray, a: float, b: float
+) -> tuple[float, float, float]:
+    """Of Beta(a, b) on [0, 1], with its derivatives by a and b."""
+    from scipy.special import betaln, digamma
+
+    n, sum_left, sum_right = log_left.size, float(log_left.sum()), float(log_right.sum())
+    both = float(digamma(a + b))
+    return (
+        n * float(betaln(a, b)) - (a - 1.0) * sum_left - (b - 1.0) * sum_right,
+        n * (float(digamma(a)) - both) - sum_left,
+        n * (float(digamma(b)) - both) - sum_right,
+    )
+
+
+def _minimise(
+    cost: Callable[[FloatArray], tuple[float, FloatArray]], start: list[float], limits: list[tuple[float, float]]
+) -> FloatArray:
+    from scipy.optimize import minimize
+
+    return np.asarray(minimize(cost, start, jac=True, method="L-BFGS-B", bounds=limits).x)

@@ -1,0 +1,116 @@
+"""Owns the CSV of device measurements: gap, travel, thickness and pull-in voltage, checked for units and sense."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.naming import nearest
+from softclose.plate import A1, PLATE_AREA_UM2, pull_in_voltage
+from softclose.population.population import Population, switches_from_parameters
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = ("G_um", "D_um", "T_um", "pull_in_V")
+"""Columns that a measurement file must have; others are ignored, but for an optional `device`."""
+MIN_DEVICES = 8
+"""Fewer devices than this fix no distribution: the bounds would be guesses."""
+
+_RANGE = {"G_um": (0.5, 20.0), "D_um": (0.1, 20.0), "T_um": (0.5, 20.0), "pull_in_V": (1.0, 1000.0)}
+_SLIPS = {"µm": ((1e6, "metres"), (1e3, "millimetres"), (1e-3, "nanometres")), "V": ((1e3, "kV"), (1e-3, "mV"))}
+
+
+class MeasurementError(ValueError):
+    """Measurements that are missing, malformed, in another unit or impossible."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurements:
+    """What was measured on n devices."""
+
+    device: tuple[str, ...]
+    """Names; the line of the file where there is no column `device`."""
+    G_um: FloatArray
+    """(n,) electrostatic gap [µm]."""
+    D_um: FloatArray
+    """(n,) travel [µm]."""
+    T_um: FloatArray
+    """(n,) plate thickness [µm]."""
+    pull_in_V: FloatArray
+    """(n,) quasi-static pull-in voltage [V]."""
+
+
+def read_measurements(path: str | Path) -> Measurements:
+    """Read a CSV with the columns of `COLUMNS`, one device a line. Raises MeasurementError, naming line and column."""
+    try:
+        text = Path(path).read_text("utf-8-sig")  # spreadsheets like to write a byte-order mark
+    except (OSError, UnicodeDecodeError) as e:
+        raise MeasurementError(f"the measurements {path} cannot be read: {e}") from e
+    reader = csv.reader(text.splitlines())
+    header = [name.strip() for name in next(reader, [])]
+    for name in COLUMNS:
+        if name not in header:
+            others = [h for h in header if h not in COLUMNS]
+            close = nearest(name, others, cutoff=0.3)
+            hint = f"; is {close!r} meant? Then rename it" if close else ""
+            raise MeasurementError(
+                f"{path} has no column {name!r}{hint}. It has {', '.join(map(repr, header)) or 'no header'}; "
+                f"needed: {', '.join(COLUMNS)}"
+            )
+        if header.count(name) > 1:
+            raise MeasurementError(f"{path} has {header.count(name)} columns {name!r}; keep one")
+    devices: list[str] = []
+    rows: list[list[float]] = []
+    for fields in reader:
+        if not any(field.strip() for field in fields):
+            continue
+        row = dict(zip(header, fields, strict=False))
+        device = row.get("device", "").strip() or f"line {reader.line_num}"
+        where = f"{path}, line {reader.line_num}"
+        rows.append([_value(name, row.get(name, ""), where) for name in COLUMNS])
+        devices.append(device)
+        gap, travel, thickness, _ = rows[-1]
+        if travel >= gap:
+            raise MeasurementError(
+                f"{where}: D_um is {travel:g} and G_um {gap:g}; the travel must be less than the gap"
+            )
+        if thickness <= A1:
+            raise MeasurementError(f"{where}: T_um is {thickness:g}; Eq. 4 has no stiffness at or below {A1} µm")
+    if len(rows) < MIN_DEVICES:
+        raise MeasurementError(
+            f"{path} has {len(rows)} devices; at least {MIN_DEVICES} are needed to fit distributions"
+        )
+    table = np.array(rows).T
+    return Measurements(device=tuple(devices), **dict(zip(COLUMNS, table, strict=True)))
+
+
+def _value(name: str, field: str, where: str) -> float:
+    try:
+        value = float(field)
+    except ValueError as e:
+        raise MeasurementError(f"{where}: {name} is {field.strip()!r}; it must be a number") from e
+    low, high = _RANGE[name]
+    unit = "V" if name.endswith("_V") else "µm"
+    if not low <= value <= high:
+        slip = next((f": are these {other}?" for f, other in _SLIPS[unit] if low <= value * f <= high), "")
+        got = f"{value:g}" if math.isfinite(value) else repr(field.strip())
+        raise MeasurementError(f"{where}: {name} is {got}; expected {low:g}–{high:g} {unit}{slip}")
+    return value
+
+
+def write_synthetic(
+    population: Population, path: str | Path, *, n: int, seed: int, plate_area_um2: float = PLATE_AREA_UM2
+) -> None:
+    """Write measurements of n devices drawn from a population whose truth is known, without measurement error."""
+    parameters = population.sample_parameters(n, seed=seed)
+    u_pi = pull_in_voltage(switches_from_parameters(parameters), plate_area_um2)
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["device", *COLUMNS])
+        for i, ((d, g, _, t), u) in enumerate(zip(parameters, u_pi, strict=True), start=1):
+            writer.writerow([f"S{i:03d}", f"{g:.5f}", f"{d:.5f}", f"{t:.5f}", f"{u:.5f}"])

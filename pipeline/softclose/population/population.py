@@ -1,0 +1,177 @@
+"""Owns the population of switches: four independent parameters, and samples of it keyed by (seed, stream, index).
+
+D, G, E, T are independent; stiffness K and mass M follow from E and T (Eqs. 4-6), also after a design change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from softclose.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
+from softclose.population.distributions import Bounded, PopulationError, portable
+
+FloatArray = NDArray[np.float64]
+Sampling = Literal["monte-carlo", "sobol"]
+
+SAMPLINGS: tuple[str, ...] = ("monte-carlo", "sobol")
+VARIABLES = ("D", "G", "E", "T")
+UNITS = {"D": "µm", "G": "µm", "E": "GPa", "T": "µm", "K": "N/m", "M": "µg"}
+_MAX_SOBOL = 2**30  # scipy's generator has 30 bits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Population:
+    """Joint distribution of the parameters of a switch (SPEC §4)."""
+
+    name: str
+    """What reports call it."""
+    D: Bounded
+    """Travel to contact [µm]."""
+    G: Bounded
+    """Electrostatic gap [µm]."""
+    E: Bounded
+    """Elastic modulus [GPa]."""
+    T: Bounded
+    """Plate thickness [µm]."""
+    description: str = ""
+    """One sentence for people."""
+
+    def __post_init__(self) -> None:
+        for variable in VARIABLES:
+            lower = getattr(self, variable).lower
+            if lower <= 0.0:
+                raise PopulationError(f"{variable} reaches down to {lower:g} {UNITS[variable]}; it must stay above 0")
+        if self.T.lower <= A1:
+            raise PopulationError(
+                f"T reaches down to {self.T.lower:g} µm; Eq. 4 has no stiffness at or below {A1} µm "
+                "(it was fitted to plates 5 to 9 µm thick)"
+            )
+        if self.D.upper >= self.G.lower:
+            raise PopulationError(
+                f"D reaches up to {self.D.upper:g} µm and G down to {self.G.lower:g} µm; every switch needs D < G: "
+                "narrow their bounds or move their means apart"
+            )
+
+    def sample(
+        self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0
+    ) -> FloatArray:
+        """Switches `start` to `start + n` of the ensemble `seed`.
+
+        Returns (n, 4) float64, columns D, G [µm], K [N/m], M [µg]. Row i depends on (seed, stream, start + i) and
+        nothing else: a longer ensemble begins with the shorter one, and ensembles can be drawn in pieces.
+        """
+        return switches_from_parameters(
+            self.sample_parameters(n, seed=seed, sampling=sampling, start=start, stream=stream)
+        )
+
+    def sample_parameters(
+        self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0
+    ) -> FloatArray:
+        """The same ensemble as `sample`: (n, 4) float64, columns D, G [µm], E [GPa], T [µm]."""
+        return self.quantile(_uniforms(n, seed=seed, sampling=sampling, start=start, stream=stream))
+
+    def quantile(self, p: FloatArray) -> FloatArray:
+        """Map points of the unit cube to parameters. p: (n, 4) in [0, 1]; returns (n, 4) D, G [µm], E [GPa], T [µm]."""
+        columns = [getattr(self, v).quantile(p[:, i]) for i, v in enumerate(VARIABLES)]
+        return np.stack(columns, axis=1)
+
+    @property
+    def mean_K(self) -> float:
+        """E[K] [N/m]: E and T are independent and Eq. 4 is linear in E."""
+        return portable(self.T.expect(lambda t: stiffness(self.E.mean, t)))
+
+    @property
+    def mean_M(self) -> float:
+        """E[M] [µg]."""
+        return portable(self.T.expect(mass))
+
+    @property
+    def mean_switch(self) -> FloatArray:
+        """The deterministic switch: (4,) E[D], E[G] [µm], E[K] [N/m], E[M] [µg] (paper §4.1)."""
+        return np.array([self.D.mean, self.G.mean, self.mean_K, self.mean_M])
+
+    def summary(self, plate_area_um2: float = PLATE_AREA_UM2) -> dict[str, float]:
+        """Ranges, means and standard deviations, named `quantity_unit`; ranges are those of the bounds."""
+        d, g, e, t = self.D, self.G, self.E, self.T
+        corners = np.array([[d.lower, g.lower, 0.0, 1.0], [d.upper, g.upper, 0.0, 1.0]])
+        corners[:, 2] = stiffness([e.lower, e.upper], [t.lower, t.upper])
+        u_pi = pull_in_voltage(corners, plate_area_um2)
+        k_square = (e.sd**2 + e.mean**2) * t.expect(lambda x: stiffness(1.0, x) ** 2)
+        m_square = t.expect(lambda x: mass(x) ** 2)
+        out: dict[str, float] = {}
+        for v in VARIABLES:
+            b: Bounded = getattr(self, v)
+            for what in ("lower", "mean", "upper", "sd"):
+                out[f"{v}_{what}_{UNITS[v].replace('µ', 'u')}"] = getattr(b, what)
+        out |= {
+            "D_over_G_lower": d.lower / g.upper,
+            "D_over_G_upper": d.upper / g.lower,
+            "K_lower_N_per_m": float(corners[0, 2]),
+            "K_mean_N_per_m": self.mean_K,
+            "K_upper_N_per_m": float(corners[1, 2]),
+            "K_sd_N_per_m": float(np.sqrt(max(k_square - self.mean_K**2, 0.0))),
+            "M_lower_ug": float(mass(t.lower)),
+            "M_mean_ug": self.mean_M,
+            "M_upper_ug": float(mass(t.upper)),
+            "M_sd_ug": float(np.sqrt(max(m_square - self.mean_M**2, 0.0))),
+            "U_pi_lower_V": float(u_pi[0]),
+            "U_pi_mean_switch_V": float(pull_in_voltage(self.mean_switch, plate_area_um2)),
+            "U_pi_upper_V": float(u_pi[1]),
+        }
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and strings that `from_dict` turns back into an equal population; a campaign stores this."""
+        out: dict[str, Any] = {"name": self.name, "description": self.description}
+        for v in VARIABLES:
+            out[v] = getattr(self, v).to_dict()
+        return out
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Population:
+        """Inverse of `to_dict`. Raises PopulationError where it is no such dictionary."""
+        try:
+            bounded = {v: Bounded(**data[v]) for v in VARIABLES}
+            return cls(name=str(data["name"]), description=str(data.get("description", "")), **bounded)
+        except (KeyError, TypeError) as e:
+            raise PopulationError(f"this is not a stored population ({e!r}): it needs name, D, G, E and T") from e
+
+
+def switches_from_parameters(parameters: ArrayLike) -> FloatArray:
+    """Eqs. 4 and 6. parameters: (n, 4) D, G [µm], E [GPa], T [µm]; returns (n, 4) D, G [µm], K [N/m], M [µg]."""
+    p = np.asarray(parameters, dtype=np.float64)
+    if p.ndim != 2 or p.shape[1] != 4:
+        raise PopulationError(f"parameters have shape {p.shape}; expected (n, 4): columns D, G, E, T")
+    if not (p[:, 3] > A1).all():
+        raise PopulationError(f"T is {np.min(p[:, 3]):g} µm for some switch; Eq. 4 needs more than {A1} µm")
+    return np.stack([p[:, 0], p[:, 1], stiffness(p[:, 2], p[:, 3]), mass(p[:, 3])], axis=1)
+
+
+def _uniforms(n: int, *, seed: int, sampling: str, start: int, stream: int) -> FloatArray:
+    """Rows `start` to `start + n` of the (seed, stream) sequence in [0, 1)⁴."""
+    for what, value, least in (("n", n, 1), ("seed", seed, 0), ("start", start, 0), ("stream", stream, 0)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+            raise PopulationError(f"{what} is {value!r}; it must be an integer of {least} or more")
+    if sampling not in SAMPLINGS:
+        raise PopulationError(f"sampling is {sampling!r}; it must be one of {', '.join(SAMPLINGS)}")
+    # SeedSequence spreads a seed of any size over Philox's 128-bit key; the last spawn key tells the samplings apart.
+    key = np.random.SeedSequence(int(seed), spawn_key=(int(stream), SAMPLINGS.index(sampling)))
+    if sampling == "monte-carlo":
+        # One Philox block is four 64-bit words: exactly one switch, so the counter is the switch's index.
+        words = key.generate_state(2, np.uint64)
+        return np.random.Generator(np.random.Philox(key=words, counter=int(start))).random((int(n), 4))
+    from scipy.stats import qmc
+
+    if start + n > _MAX_SOBOL:
+        raise PopulationError(f"start + n is {start + n}; a Sobol sequence has at most {_MAX_SOBOL} points")
+    engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(key))
+    if start:
+        engine.fast_forward(int(start))
+        return np.asarray(engine.random(int(n)))
+    # Drawing a power of two and cutting it: scipy warns about the balance of any other first draw.
+    return np.asarray(engine.random_base2(int(n - 1).bit_length())[: int(n)])

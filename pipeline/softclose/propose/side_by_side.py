@@ -1,0 +1,148 @@
+"""Owns the comparison of engines on one problem, in this process: best objective against evaluations and against
+time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import CampaignConfig
+from softclose.ensemble import simulate
+from softclose.metrics.objective import assess
+from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine, seen_by
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineRun:
+    """One engine on one seed; the seed draws the ensemble and keys the engine's random numbers."""
+
+    engine: str
+    seed: int
+    best_g_cm_s: FloatArray
+    """(n,) best g after each evaluation [cm/s], among those on the largest ensemble so far; infinite before the
+    first."""
+    wall_s: FloatArray
+    """(n,) time since the start, simulation included [s]."""
+    propose_s: FloatArray
+    """(n,) time of each proposal [s]."""
+    best: Observation
+    """The best candidate on the largest ensemble: the finishing stage's where there was one."""
+
+
+def evaluate(problem: Problem, switches: FloatArray, index: int, proposal: Proposal) -> Observation:
+    """Simulate and assess one proposal on the first of the switches (n, 4); without store or cluster."""
+    config = problem.config
+    o, m = config.objective, config.model
+    response = simulate(
+        switches[: proposal.n_switches],
+        proposal.waveform,
+        horizon_us=m.horizon_us,
+        restitution=m.restitution,
+        plate_area_um2=m.plate_area_um2,
+        rtol=config.compute.rtol,
+        method=config.compute.method,
+        max_volts=config.waveform.max_volts,
+    )
+    a = assess(
+        response,
+        c1_cm_s=o.c1_cm_s,
+        level=o.level,
+        limits_cm_s=o.limits_cm_s,
+        sampling=config.population.sampling,
+        form=o.form,
+        p_max=o.p_max if o.form == "chance" else None,
+        min_contact=o.min_contact,
+        undefined_v_u_cm_s=o.undefined_v_u_cm_s,
+        confidence=o.confidence,
+    )
+    return Observation(
+        index=index,
+        waveform=proposal.waveform,
+        origin=proposal.origin,
+        n_switches=proposal.n_switches,
+        g_cm_s=a.g_cm_s,
+        g_se_cm_s=a.g_se_cm_s,
+        v_u_cm_s=a.v_u_cm_s,
+        mean_cm_s=a.mean_cm_s,
+        p_nc=a.p_nc,
+        p_contact=a.p_contact,
+        failed=False,
+    )
+
+
+def with_seed(config: CampaignConfig, seed: int) -> CampaignConfig:
+    """The same campaign with another seed."""
+    return replace(config, campaign=replace(config.campaign, seed=seed))
+
+
+def run_engine(
+    config: CampaignConfig, engine: Engine | str, *, evaluator: Callable[..., Observation] = evaluate
+) -> tuple[list[Observation], FloatArray, FloatArray]:
+    """A whole campaign in this process: its observations, (n,) times since the start and (n,) proposal times [s].
+
+    One candidate after the other, yet proposals see no more than they would with `campaign.lag` in flight.
+    """
+    problem = Problem(config)
+    search = load_engine(engine) if isinstance(engine, str) else engine
+    finish = load_engine("finish")
+    switches = problem.population.sample(
+        config.n_switches_max, seed=config.campaign.seed, sampling=config.population.sampling
+    )
+    initial = config.waveform.initial_waveforms()
+    history: list[Observation] = []
+    wall, spent = [], []
+    begin = time.perf_counter()
+    for i in range(config.total_budget):
+        asked = time.perf_counter()
+        if i < len(initial):
+            proposal = Proposal(waveform=initial[i], origin="initial", n_switches=config.population.n_switches)
+        else:
+            seen = seen_by(i, history, config.campaign.lag)
+            pending = [o.waveform for o in history[len(seen) :]]
+            proposal = (search if i < config.campaign.budget else finish).propose(problem, i, seen, pending)
+        spent.append(time.perf_counter() - asked)
+        history.append(evaluator(problem, switches, i, proposal))
+        wall.append(time.perf_counter() - begin)
+    return history, np.array(wall), np.array(spent)
+
+
+def compare_engines(config: CampaignConfig, engines: Sequence[str], seeds: Sequence[int]) -> Iterator[EngineRun]:
+    """Every engine on every seed, one run at a time as they end.
+
+    Evaluations count alike for all: a candidate is one, whatever the engine does with it.
+    """
+    for engine in engines:
+        for seed in seeds:
+            history, wall, spent = run_engine(with_seed(config, seed), engine)
+            best = best_so_far(history)
+            if best[-1] is None:
+                raise ValueError(f"{engine}, seed {seed}: none of its candidates has an objective")
+            yield EngineRun(
+                engine=engine,
+                seed=seed,
+                best_g_cm_s=np.array([o.g_cm_s if o else np.inf for o in best]),
+                wall_s=wall,
+                propose_s=spent,
+                best=best[-1],
+            )
+
+
+def best_so_far(history: Sequence[Observation]) -> list[Observation | None]:
+    """The best after each candidate, among those on the largest ensemble so far: a small one flatters its optimum."""
+    best: Observation | None = None
+    found = []
+    for o in history:
+        if o.usable and (
+            best is None
+            or o.n_switches > best.n_switches
+            or (o.n_switches == best.n_switches and o.g_cm_s < best.g_cm_s)
+        ):
+            best = o
+        found.append(best)
+    return found

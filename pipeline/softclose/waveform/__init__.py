@@ -1,0 +1,8 @@
+"""Pulses and drive waveforms (Eqs. 12-13), and the spaces in which they are searched."""
+
+from softclose.waveform.pulses import MAX_VOLTS as MAX_VOLTS
+from softclose.waveform.pulses import MIN_RISE_US as MIN_RISE_US
+from softclose.waveform.pulses import FloatArray as FloatArray
+from softclose.waveform.pulses import Pulse as Pulse
+from softclose.waveform.pulses import Waveform as Waveform
+from softclose.waveform.pulses import WaveformError as WaveformError

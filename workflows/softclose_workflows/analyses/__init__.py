@@ -1,0 +1,1 @@
+"""Questions to a finished or growing store: certify, rescore, recompute, engines side by side."""

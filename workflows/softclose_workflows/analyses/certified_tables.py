@@ -1,0 +1,162 @@
+"""Owns how a certification is told: as tables for people, as one JSON object for scripts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from softclose.metrics.intervals import Interval, Proportion
+from softclose_workflows.tell.tables import describe_waveform, metrics_row, print_designs, with_interval
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from softclose.metrics.paired import Comparison
+    from softclose.waveform import Waveform
+    from softclose_workflows.analyses.certify import Certification, Certified, ProgressListener
+
+
+def print_certification(result: Certification) -> None:
+    """Candidates by certified g, the reference designs, and the best one against each of them."""
+    from softclose_workflows.run import records
+
+    print_designs(
+        f"Certified on {result.n_switches:,} fresh switches (seed {result.seed})",
+        [
+            (_label(result, d), waveform_rows(d), records.assessment_record(d.assessment))
+            for d in (*result.candidates, *result.references)
+        ],
+        f"{result.best.assessment.confidence:.0%} intervals: order statistics (v_u), Student (mean V), Wilson (p_nc).",
+    )
+    console = wide_console()
+    best = result.best
+    p = best.assessment.p_nc_intervals
+    console.print(f"best: {best.name}")
+    console.print(f"  p_nc {_proportion(p)}")
+    for exceedance in best.assessment.p_exceed:
+        console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s) {_proportion(exceedance.probability)}")
+    if best.training is not None:
+        console.print(
+            f"  the training ensemble ({best.training.n_switches:,} switches) said g {best.training.g_cm_s:.2f}: "
+            f"certified {best.flattery_cm_s:+.2f} cm/s"
+        )
+    for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
+        console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
+
+
+def _label(result: Certification, design: Certified) -> str:
+    if design.training is None:
+        return design.name
+    mark = ", incumbent" if design.candidate == result.incumbent else ""
+    return f"{design.name}{mark}\ntraining g {design.training.g_cm_s:.2f}"
+
+
+def comparison_line(c: Comparison) -> str:
+    """`v_u -21.4 (-21.9 – -20.8) cm/s, softer on 97.1 % of the switches, p_nc +0.0123`."""
+    return (
+        f"v_u {c.v_u_cm_s:+.2f} ({c.v_u_interval[0]:+.2f} to {c.v_u_interval[1]:+.2f}) cm/s, "
+        f"softer on {c.softer.estimate:.1%} of the switches, p_nc {c.p_nc:+.4f} "
+        f"({c.p_nc_interval[0]:+.4f} to {c.p_nc_interval[1]:+.4f})"
+    )
+
+
+def _proportion(p: Proportion) -> str:
+    def ends(interval: Interval) -> str:
+        return f"{interval[0]:.4f}–{interval[1]:.4f}"
+
+    return (
+        f"{p.estimate:.4f} (Eq. 11: {ends(p.wald)}; Wilson {ends(p.wilson)}; Clopper-Pearson {ends(p.clopper_pearson)})"
+    )
+
+
+def waveform_rows(design: Certified) -> list[list[float | None]]:
+    """[[start, rise, peak (None where it holds), volts], …]."""
+    return waveform_rows_of(design.waveform)
+
+
+def waveform_rows_of(waveform: Waveform) -> list[list[float | None]]:
+    """[[start, rise, peak (None where it holds), volts], …]."""
+    return [[p.start_us, p.rise_us, None if p.holds else p.peak_us, p.volts] for p in waveform.pulses]
+
+
+def certification_to_json(result: Certification) -> dict[str, Any]:
+    """One object; undefined numbers are null."""
+
+    def design(d: Certified) -> dict[str, Any]:
+        return {
+            "name": d.name,
+            "candidate": d.candidate,
+            "waveform": waveform_rows(d),
+            "training": None
+            if d.training is None
+            else {
+                "g_cm_s": d.training.g_cm_s,
+                "v_u_cm_s": d.training.v_u_cm_s,
+                "p_nc": d.training.p_nc,
+                "n_switches": d.training.n_switches,
+            },
+            "flattery_cm_s": d.flattery_cm_s,
+            **d.assessment.to_dict(),
+        }
+
+    plain: dict[str, Any] = finite(
+        {
+            "n_switches": result.n_switches,
+            "seed": result.seed,
+            "committed": result.committed,
+            "incumbent": result.incumbent,
+            "candidates": [design(d) for d in result.candidates],
+            "references": [design(d) for d in result.references],
+            "best_against": {r.name: result.comparison(r).to_dict() for r in result.references},
+        }
+    )
+    return plain
+
+
+def finite(value: Any) -> Any:
+    """JSON has no NaN and no infinity: they become null, however deep."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def wide_console() -> Console:
+    """A console that folds no table in a pipe or a log, which have no width of their own."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(width=160, highlight=False)
+
+
+@contextmanager
+def simulation_progress(title: str, *, quiet: bool = False) -> Iterator[ProgressListener | None]:
+    """A bar of simulated switches on a terminal; nothing elsewhere."""
+    import sys
+
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+__all__ = [
+    "certification_to_json",
+    "comparison_line",
+    "describe_waveform",
+    "finite",
+    "metrics_row",
+    "print_certification",
+    "simulation_progress",
+    "waveform_rows",
+    "wide_console",
+    "with_interval",
+]

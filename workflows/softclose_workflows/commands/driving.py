@@ -1,0 +1,51 @@
+"""Owns what `run` and `resume` share: open or create the store, run the campaign on an executor, print its result."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+
+import click
+
+from softclose.config import CampaignConfig
+from softclose_store import DriverStore, open_campaign, store_state
+from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.executors import Placement, open_executor
+from softclose_workflows.run.progress import show_progress
+from softclose_workflows.run.runtime import changes_since, runtime
+from softclose_workflows.run.stopping import stop_on_signals
+
+
+def drive(
+    path: str,
+    placement: Placement,
+    *,
+    config: CampaignConfig | None = None,
+    break_lock: bool = False,
+    quiet: bool = False,
+) -> None:
+    """Run the campaign in the store to its end and print the result.
+
+    config: create the store first where there is none. Nothing is written before the executor has started.
+    """
+    from softclose_workflows.analyses.result import print_result
+
+    with stop_on_signals() as stop, contextlib.ExitStack() as stack:
+        state = store_state(path)
+        is_new = state.kind in ("absent", "unfinished")
+        if config is not None and not is_new:
+            create_store(config, path)  # refuses whatever is not this very campaign
+        if not state.finished:
+            executor = stack.enter_context(open_executor(placement))
+            if config is not None and is_new:
+                create_store(config, path)
+            store = stack.enter_context(DriverStore(path, break_lock=break_lock))
+            for change in changes_since(open_campaign(path).runtime):
+                click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)
+            store.note_run(runtime() | {"workers": executor.n_workers})
+            if executor.dashboard and not quiet:
+                click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
+            listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
+            Campaign(store, executor, stop=stop, listener=listener).run()
+    print_result(path)

@@ -1,0 +1,1 @@
+"""A campaign at work: waves proposed, simulated on an executor, committed."""

@@ -1,0 +1,61 @@
+"""Owns the creation of a campaign's store: population, layout and identity, from the configuration alone."""
+
+from __future__ import annotations
+
+from softclose.config import CampaignConfig
+from softclose.waveform import FloatArray
+from softclose.waveform.spaces import SPACES
+from softclose_store import Layout, StoreError, create_campaign
+from softclose_workflows.run.runtime import runtime
+from softclose_workflows.run.tasks import times_us
+
+
+def create_store(config: CampaignConfig, path: str) -> None:
+    """Create the store of a campaign, or accept the one that is there if it holds this very campaign.
+
+    Raises a StoreError where the store holds something else, and names what differs.
+    """
+    try:
+        create_campaign(
+            path,
+            layout=layout_of(config),
+            config=config.to_dict(),
+            fingerprint=config.fingerprint(),
+            durable=config.store.durable,
+            population=population_columns(config),
+            runtime=runtime(),
+            exist_ok=True,
+        )
+    except OSError as e:
+        raise StoreError(f"no store can be created at {path}: {e.strerror or e}; give a writable path") from e
+
+
+def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
+    """The campaign's whole ensemble: columns D, G, E, T, K, M, (n_switches_max,) each."""
+    population = config.build_population()
+    n, seed, sampling = config.n_switches_max, config.campaign.seed, config.population.sampling
+    parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
+    switches = population.sample(n, seed=seed, sampling=sampling)
+    return {
+        "D": parameters[:, 0],
+        "G": parameters[:, 1],
+        "E": parameters[:, 2],
+        "T": parameters[:, 3],
+        "K": switches[:, 2],
+        "M": switches[:, 3],
+    }
+
+
+def layout_of(config: CampaignConfig) -> Layout:
+    """Sizes of a campaign's arrays."""
+    n_pulses, _ = SPACES[config.waveform.space]
+    longest = max([n_pulses, *(len(rows) for rows in config.waveform.initial)])
+    return Layout(
+        n_candidates=config.total_budget,
+        n_switches=config.n_switches_max,
+        chunk_switches=config.chunk_switches,
+        times_us=times_us(config.model.horizon_us, config.store.n_times),
+        max_impacts=config.store.max_impacts,
+        n_pulses=longest,
+        limits_cm_s=config.objective.limits_cm_s,
+    )

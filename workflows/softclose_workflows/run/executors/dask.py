@@ -1,0 +1,190 @@
+"""Owns the Dask executor: chunks on a cluster, local or one's own."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from softclose_workflows.errors import ChunkFailure, ExecutorError, Stopped
+from softclose_workflows.run.executors.protocol import Event
+from softclose_workflows.run.tasks import ChunkResult, ChunkTask, run_chunk
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+    ChunkFuture = Future[ChunkResult]
+
+MAX_TRIES = 3
+"""Workers that one chunk may kill before it is given up."""
+
+SILENT = logging.CRITICAL + 1
+"""A level above every message."""
+
+
+class DaskExecutor:
+    """Runs chunks on a Dask cluster through one client."""
+
+    def __init__(
+        self, client: Client, dashboard: str | None, patience_s: float, refill: Callable[[int], Any] | None = None
+    ) -> None:
+        """`refill` starts workers until there are so many: a local cluster's own restarts give up on some deaths."""
+        self._client = client
+        self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._futures: dict[str, ChunkFuture] = {}
+        # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
+        self._token = uuid.uuid4().hex[:8]
+        self._last_alive = time.monotonic()
+        self._patience_s = patience_s
+        self.dashboard = dashboard
+        self.n_retries = 0
+        self._workers = set(client.scheduler_info(n_workers=-1)["workers"])
+        self._wanted = len(self._workers)
+        self._refill = refill
+        # The scheduler tells who comes and goes: looking now and then would miss a worker that dies at once.
+        client.subscribe_topic("all", self._membership)
+
+    def close(self) -> None:
+        """Stop listening to the scheduler, so that neither side writes to the other while they part."""
+        with contextlib.suppress(Exception):  # the scheduler may be gone
+            self._client.unsubscribe_topic("all")
+
+    @property
+    def n_workers(self) -> int:
+        """Workers connected now."""
+        return len(self._workers)
+
+    def _membership(self, event: tuple[float, Any]) -> None:
+        """Runs in Dask's event loop, for every event that the scheduler tells to all."""
+        message = event[1] if isinstance(event[1], dict) else {}
+        if message.get("action") == "add-worker":
+            self._workers.add(message["worker"])
+            self._last_alive = time.monotonic()
+        elif message.get("action") == "remove-worker":
+            self._workers.discard(message["worker"])
+            self._last_alive = time.monotonic()
+            self.n_retries += not message.get("expected", False)
+
+    def submit(self, task: ChunkTask) -> None:
+        """Send one chunk; its outcome arrives through `next_event`."""
+        key = f"chunk-{task.candidate}-{task.chunk}-{self._token}-{uuid.uuid4().hex[:6]}"
+        future = self._client.submit(run_chunk, task, key=key, pure=False)
+        self._futures[key] = future
+        future.add_done_callback(lambda done: self._finished(task, done))
+
+    def _finished(self, task: ChunkTask, future: ChunkFuture) -> None:
+        """Runs on Dask's callback thread."""
+        from distributed.scheduler import KilledWorker
+
+        outcome: ChunkResult | BaseException | None
+        if future.status == "finished":
+            # The data is in the store; nothing has to be fetched from a worker that may be gone by now.
+            outcome = ChunkResult(candidate=task.candidate, chunk=task.chunk, n_switches=task.stop - task.start)
+        elif future.status == "error":
+            outcome = future.exception()
+            if isinstance(outcome, KilledWorker):
+                outcome = ChunkFailure(f"it killed {MAX_TRIES + 1} workers in a row and was given up")
+        else:
+            outcome = Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
+        # Dask would compute a result again whose only holder died, for as long as someone holds its future.
+        self._futures.pop(str(future.key), None)
+        if outcome is not None:
+            self._events.put((task, outcome))
+
+    def next_event(self, timeout_s: float) -> Event | None:
+        """See `Executor.next_event`."""
+        try:
+            event = self._events.get(timeout=timeout_s)
+        except queue.Empty:
+            connected = self._client.status == "running"
+            if self._refill is not None and len(self._workers) < self._wanted:
+                self._refill(self._wanted)
+            if connected and self._workers:
+                self._last_alive = time.monotonic()
+            elif time.monotonic() - self._last_alive > self._patience_s:
+                what = "no worker is left" if connected else "the scheduler is gone"
+                raise Stopped(f"{what} (waited {self._patience_s:g} s)") from None
+            return None
+        self._last_alive = time.monotonic()
+        return event
+
+
+def _configure() -> None:
+    import dask
+
+    dask.config.set(
+        {
+            "distributed.scheduler.allowed-failures": MAX_TRIES,
+            # Chunks are long and few: stealing and work queueing buy nothing, a quick restart does.
+            "distributed.comm.timeouts.connect": "10s",
+            "distributed.deploy.lost-worker-timeout": "3s",
+            "distributed.admin.log-format": "%(levelname)s %(message)s",
+        }
+    )
+    # A worker's death is reported by us, once; Dask's own account of it runs to a page.
+    for name in (
+        "distributed.nanny",
+        "distributed.scheduler",
+        "distributed.worker",
+        "distributed.core",
+        "distributed.comm",
+        "distributed.client",
+        "tornado.application",
+        "asyncio",
+    ):
+        logging.getLogger(name).setLevel(SILENT)
+
+
+@contextlib.contextmanager
+def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
+    """A cluster of this machine's processes, for the length of a `with` block."""
+    _configure()
+    from distributed import Client, LocalCluster
+
+    # Everything listens on loopback: a laptop in a café is no place for an open scheduler.
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address=None,
+            silence_logs=SILENT,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        yield from _on(client, cluster.dashboard_link, patience_s, cluster.scale)
+
+
+@contextlib.contextmanager
+def remote_cluster(address: str, patience_s: float) -> Iterator[DaskExecutor]:
+    """The cluster behind a scheduler's address. Raises ExecutorError where none answers."""
+    _configure()
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as e:
+        raise ExecutorError(
+            f"no Dask scheduler answers at {address}: start one (dask scheduler) or leave --scheduler out ({e})"
+        ) from e
+    with client:
+        yield from _on(client, client.dashboard_link, patience_s)
+
+
+def _on(
+    client: Client, dashboard: str | None, patience_s: float, refill: Callable[[int], Any] | None = None
+) -> Iterator[DaskExecutor]:
+    from softclose_workflows.run.workers import WorkerSetup
+
+    client.register_plugin(WorkerSetup(), name="softclose")
+    executor = DaskExecutor(client, dashboard, patience_s, refill)
+    try:
+        yield executor
+    finally:
+        executor.close()

@@ -1,0 +1,58 @@
+"""Owns where a command computes: in this process, on a local cluster, or on a scheduler somewhere."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from softclose_workflows.errors import ExecutorError
+from softclose_workflows.run.executors.dask import local_cluster, remote_cluster
+from softclose_workflows.run.executors.protocol import Executor
+from softclose_workflows.run.executors.serial import SerialExecutor
+
+PATIENCE_S = 30.0
+"""How long a run waits without any worker, or without its scheduler, before it stops [s]; `--patience`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """Where a command computes; the options --workers, --scheduler, --serial and --patience."""
+
+    workers: int | None = None
+    """Processes of a local cluster; None: one per core."""
+    scheduler: str | None = None
+    """Address of an existing Dask scheduler, instead of a local cluster."""
+    serial: bool = False
+    """In this process, without Dask."""
+    patience_s: float = PATIENCE_S
+    """How long to wait without any worker or scheduler [s]."""
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise ExecutorError(f"--workers is {self.workers}; it must be 1 or more")
+        if not self.patience_s > 0:
+            raise ExecutorError(f"--patience is {self.patience_s:g}; it must be a number of seconds above 0")
+        chosen = [self.workers is not None, self.scheduler is not None, self.serial]
+        if sum(chosen) > 1:
+            raise ExecutorError("--workers, --scheduler and --serial exclude each other; give one of them")
+
+
+@contextlib.contextmanager
+def open_executor(placement: Placement) -> Iterator[Executor]:
+    """An executor for the length of a `with` block. Raises ExecutorError where it cannot be started."""
+    if placement.serial:
+        yield SerialExecutor()
+    elif placement.scheduler is not None:
+        with remote_cluster(placement.scheduler, placement.patience_s) as executor:
+            yield executor
+    else:
+        with local_cluster(placement.workers or n_cores(), placement.patience_s) as executor:
+            yield executor
+
+
+def n_cores() -> int:
+    """Cores that this process may use."""
+    # macOS has no affinities.
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,130 @@
+"""Owns the translation between the science's objects and the plain records that the store keeps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import CampaignConfig
+from softclose.metrics.objective import Assessment, assess
+from softclose.propose.protocol import Observation, Proposal
+from softclose.waveform import FloatArray, Waveform
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredResponse:
+    """The part of a response that the objective needs, as read back from the store."""
+
+    max_contact_speed: FloatArray
+    """(n,) [µm/µs], NaN where the switch never touches."""
+    closed: NDArray[np.bool_]
+    """(n,) held in contact at the horizon."""
+    status: NDArray[np.int8]
+    """(n,) 0 where the switch was integrated."""
+
+
+def objective_settings(config: CampaignConfig) -> dict[str, Any]:
+    """The keyword arguments of `assess` that a configuration stands for."""
+    o = config.objective
+    return {
+        "form": o.form,
+        "level": o.level,
+        "c1_cm_s": o.c1_cm_s,
+        "p_max": o.p_max if o.form == "chance" else None,
+        "limits_cm_s": o.limits_cm_s,
+        "min_contact": o.min_contact,
+        "undefined_v_u_cm_s": o.undefined_v_u_cm_s,
+        "confidence": o.confidence,
+        "sampling": config.population.sampling,
+    }
+
+
+def assess_stored(stored: Mapping[str, NDArray[Any]], config: CampaignConfig) -> Assessment:
+    """Assess the per-switch arrays of one candidate as the store holds them."""
+    response = StoredResponse(
+        max_contact_speed=stored["max_contact_speed"],
+        closed=stored["closed"].astype(np.bool_),
+        status=stored["status"],
+    )
+    return assess(response, **objective_settings(config))
+
+
+def proposal_record(proposal: Proposal) -> dict[str, Any]:
+    """What is stored of a proposal, before any chunk of it is computed."""
+    return {
+        "waveform": proposal.waveform.rows(),
+        "origin": proposal.origin,
+        "n_switches": proposal.n_switches,
+        "surrogate": dict(proposal.surrogate),
+        "note": proposal.note,
+    }
+
+
+def proposal_from_record(record: Mapping[str, Any]) -> Proposal:
+    """The inverse of `proposal_record`."""
+    return Proposal(
+        waveform=Waveform.from_rows(record["waveform"]),
+        origin=str(record["origin"]),
+        n_switches=int(record["n_switches"]),
+        surrogate={str(k): float(v) for k, v in record["surrogate"].items()},
+        note=str(record["note"]),
+    )
+
+
+def assessment_record(a: Assessment) -> dict[str, Any]:
+    """What is stored of an assessment: every number with every interval."""
+    record: dict[str, Any] = {
+        "failed": False,
+        "failure": "",
+        "g_cm_s": a.g_cm_s,
+        "g_se_cm_s": a.g_se_cm_s,
+        "v_u_cm_s": a.v_u_cm_s,
+        "mean_cm_s": a.mean_cm_s,
+        "max_cm_s": a.max_cm_s,
+        "p_nc": a.p_nc,
+        "p_contact": a.p_contact,
+        "p_above_v_u": a.p_above_v_u,
+        "p_above_v_u_half_width": a.p_above_v_u_half_width,
+        "feasible": a.feasible,
+        "n_failed_switches": a.n_failed,
+        "p_exceed": np.array([e.probability.estimate for e in a.p_exceed]),
+    }
+    for name, interval in (("g", a.g_interval), ("v_u", a.v_u_interval), ("mean", a.mean_interval)):
+        record[f"{name}_lower_cm_s"], record[f"{name}_upper_cm_s"] = interval
+    for kind in ("wald", "wilson", "clopper_pearson"):
+        record[f"p_nc_{kind}_lower"], record[f"p_nc_{kind}_upper"] = getattr(a.p_nc_intervals, kind)
+        ends = [getattr(e.probability, kind) for e in a.p_exceed]
+        record[f"p_exceed_{kind}_lower"] = np.array([lower for lower, _ in ends])
+        record[f"p_exceed_{kind}_upper"] = np.array([upper for _, upper in ends])
+    return record
+
+
+def failed_record(reason: str) -> dict[str, Any]:
+    """The record of a candidate that could not be computed: every number undefined, and why."""
+    return {"failed": True, "failure": reason}
+
+
+def observation(index: int, proposed: Mapping[str, Any], record: Mapping[str, Any]) -> Observation:
+    """One committed candidate as engines see it."""
+    return Observation(
+        index=index,
+        waveform=Waveform.from_rows(proposed["waveform"]),
+        origin=str(proposed["origin"]),
+        n_switches=int(proposed["n_switches"]),
+        failed=bool(record["failed"]),
+        **{name: float(record.get(name, math.nan)) for name in OBSERVED},
+    )
+
+
+OBSERVED = ("g_cm_s", "g_se_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact")
+
+
+def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:
+    """The whole history from the store's committed per-candidate arrays."""
+    n = len(records["failed"])
+    return [observation(i, row, row) for i in range(n) for row in [{name: a[i] for name, a in records.items()}]]

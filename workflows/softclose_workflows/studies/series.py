@@ -1,0 +1,110 @@
+"""Owns running several campaigns one after the other on one executor: finished ones are skipped, each is certified."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import click
+
+from softclose.config import CampaignConfig
+from softclose_store import DriverStore, open_campaign
+from softclose_workflows.analyses.certified_tables import simulation_progress
+from softclose_workflows.analyses.certify import Certification, certify
+from softclose_workflows.errors import Stopped
+from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.executors import Executor, Placement, open_executor
+from softclose_workflows.run.progress import show_progress
+from softclose_workflows.run.runtime import runtime
+from softclose_workflows.run.stopping import StopRequest, stop_on_signals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One campaign of a series."""
+
+    name: str
+    """Name of its store in the series' folder."""
+    config: CampaignConfig
+    """What it runs."""
+
+    def store(self, folder: str | Path) -> str:
+        """Path of its store."""
+        return str(Path(folder) / f"{self.name}.zarr")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How a series is computed; no result depends on it but on `n_switches` and `top`."""
+
+    n_switches: int = 100_000
+    """Fresh switches of each certification."""
+    top: int = 10
+    """Candidates certified in each campaign."""
+    placement: Placement = field(default_factory=Placement)
+    """Where chunks are computed."""
+    threads: int = 1
+    """Threads of a certification."""
+    quiet: bool = False
+    """Say nothing."""
+
+
+Done = Callable[[Member, Certification], None]
+
+
+def run_series(
+    members: Sequence[Member], folder: str | Path, effort: Effort, done: Done | None = None
+) -> list[Certification]:
+    """Run, or continue, every campaign and certify it; returns the certifications in the order of the members.
+
+    Every store is created or found to hold the very campaign before anything is computed, so a folder of another series
+    is refused at once. done: called after each member. Raises Stopped on a signal; the same call continues.
+    """
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    for member in members:
+        create_store(member.config, member.store(folder))
+    results = []
+    with stop_on_signals() as stop, ExitStack() as stack, _same_command_continues():
+        executor: Executor | None = None
+        for number, member in enumerate(members, start=1):
+            if stop:
+                raise Stopped(f"{stop.signal_name} received")
+            path = member.store(folder)
+            if not open_campaign(path).finished:
+                if executor is None:  # nothing left to run needs no cluster
+                    executor = stack.enter_context(open_executor(effort.placement))
+                _say(effort, f"[{number}/{len(members)}] {member.config.campaign.name}")
+                _run(path, executor, stop, effort)
+            quiet = effort.quiet or not sys.stderr.isatty()
+            with simulation_progress(f"certifying {member.name}", quiet=quiet) as listener:
+                result = certify(
+                    path, n_switches=effort.n_switches, top=effort.top, threads=effort.threads, listener=listener
+                )
+            results.append(result)
+            if done is not None:
+                done(member, result)
+    return results
+
+
+def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> None:
+    with DriverStore(path) as store:
+        store.note_run(runtime())
+        with show_progress(quiet=effort.quiet or not sys.stderr.isatty()) as listener:
+            Campaign(store, executor, stop=stop, listener=listener).run()
+
+
+@contextmanager
+def _same_command_continues() -> Iterator[None]:
+    try:
+        yield
+    except Stopped as e:
+        raise Stopped(f"{e}; the same command continues") from e
+
+
+def _say(effort: Effort, message: str) -> None:
+    if not effort.quiet:
+        click.echo(message, err=True)

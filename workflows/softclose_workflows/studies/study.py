@@ -1,0 +1,142 @@
+"""Owns studies: one campaign per value of a parameter, certified, and every optimum tried under every other value.
+
+The folder holds a store per value; the same call continues after a stop and computes only what is missing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose_workflows.analyses.certified_tables import finite, simulation_progress, waveform_rows, wide_console
+from softclose_workflows.analyses.certify import Certification, assess_fresh, simulate_fresh
+from softclose_workflows.studies.series import Effort, Member, run_series
+from softclose_workflows.studies.study_file import Study
+from softclose_workflows.tell.tables import describe_waveform, with_interval
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyResult:
+    """What a study found."""
+
+    study: Study
+    """What was asked."""
+    members: tuple[Member, ...]
+    """One campaign per value."""
+    certifications: tuple[Certification, ...]
+    """Their certifications."""
+    cross_g_cm_s: FloatArray
+    """(n_value, n_value) certified g under value i of the optimum found under value j [cm/s]; NaN: not admissible."""
+
+    @property
+    def regret_cm_s(self) -> FloatArray:
+        """g lost under value i by keeping the optimum of value j [cm/s]: near 0 where the optimum does not move."""
+        return self.cross_g_cm_s - np.diag(self.cross_g_cm_s)[:, None]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        plain: dict[str, Any] = finite(
+            {
+                "name": self.study.name,
+                "title": self.study.title,
+                "parameter": self.study.parameter,
+                "unit": self.study.unit,
+                "values": [
+                    {
+                        "value": value,
+                        "store": f"{member.name}.zarr",
+                        "candidate": c.best.candidate,
+                        "waveform": waveform_rows(c.best),
+                        "flattery_cm_s": c.best.flattery_cm_s,
+                        **c.best.assessment.to_dict(),
+                        "references": {r.name: r.assessment.to_dict() for r in c.references},
+                    }
+                    for value, member, c in zip(self.study.values, self.members, self.certifications, strict=True)
+                ],
+                "cross_g_cm_s": self.cross_g_cm_s.tolist(),
+                "regret_cm_s": self.regret_cm_s.tolist(),
+            }
+        )
+        return plain
+
+
+def run_study(study: Study, folder: str | Path, effort: Effort) -> StudyResult:
+    """Run, continue or re-read a study, and write `study.json` into its folder."""
+    members = study.members()
+    certifications = run_series(members, folder, effort)
+    result = StudyResult(
+        study=study,
+        members=tuple(members),
+        certifications=tuple(certifications),
+        cross_g_cm_s=cross_evaluate(members, certifications, effort),
+    )
+    (Path(folder) / "study.json").write_text(json.dumps(result.to_json(), indent=1, allow_nan=False) + "\n", "utf-8")
+    return result
+
+
+def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certification], effort: Effort) -> FloatArray:
+    """Certified g of every optimum under every value, on the fresh switches of that value. (n_value, n_value)."""
+    g = np.full((len(members), len(members)), math.nan)
+    waveforms = [c.best.waveform for c in certifications]
+    with simulation_progress("every optimum under every value", quiet=effort.quiet) as listener:
+        for i, (member, own) in enumerate(zip(members, certifications, strict=True)):
+            config = member.config
+            limit = config.waveform.max_volts * (1.0 + 1e-9)
+            columns = [
+                j
+                for j, waveform in enumerate(waveforms)
+                if j != i and waveform.max_voltage(config.model.horizon_us) <= limit
+            ]
+            g[i, i] = own.best.assessment.g_cm_s
+            responses = simulate_fresh(
+                config,
+                [waveforms[j] for j in columns],
+                n_switches=own.n_switches,
+                seed=own.seed,
+                threads=effort.threads,
+                listener=listener,
+            )
+            for j, response in zip(columns, responses, strict=True):
+                g[i, j] = assess_fresh(response, config).g_cm_s
+    return g
+
+
+def print_study(result: StudyResult) -> None:
+    """A row per value, and what keeping each optimum would cost under the others."""
+    from rich.table import Table
+
+    study, console = result.study, wide_console()
+    table = Table(title=study.title, title_justify="left", show_lines=True)
+    table.add_column(f"{study.parameter}{f' [{study.unit}]' if study.unit else ''}", justify="right")
+    table.add_column("waveform")
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]", "flattery", "unshaped v_u"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for value, c in zip(study.values, result.certifications, strict=True):
+        a = c.best.assessment
+        table.add_row(
+            f"{value:g}",
+            describe_waveform(waveform_rows(c.best)),
+            with_interval(a.v_u_cm_s, *a.v_u_interval),
+            with_interval(a.mean_cm_s, *a.mean_interval),
+            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4),
+            with_interval(a.g_cm_s, *a.g_interval),
+            f"{c.best.flattery_cm_s:+.2f}",
+            f"{c.references[0].assessment.v_u_cm_s:.2f}",
+        )
+    console.print(table)
+    cross = Table(title="g lost by keeping the optimum of another value [cm/s]", title_justify="left")
+    cross.add_column("under")
+    for value in study.values:
+        cross.add_column(f"optimum of {value:g}", justify="right")
+    for value, row in zip(study.values, result.regret_cm_s, strict=True):
+        cross.add_row(f"{value:g}", *("not admissible" if math.isnan(r) else f"{r:+.2f}" for r in row))
+    console.print(cross)

@@ -1,0 +1,78 @@
+"""Owns the tables that commands print."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from softclose_workflows.tell.standing import Standing, waveform_to_json
+
+
+def describe_waveform(rows: Sequence[Sequence[float | None]]) -> str:
+    """One line a pulse: `150.00 V from 0.00 µs, rise 4.00 µs, top 5.31 µs`."""
+    lines = []
+    for start, rise, peak, volts in rows:
+        top = "holds" if peak is None or math.isinf(peak) else f"top {peak:.2f} µs"
+        edge = "ideal step" if rise == 0 else f"rise {rise:.2f} µs"
+        lines.append(f"{volts:.2f} V from {start:.2f} µs, {edge}, {top}")
+    return "\n".join(lines)
+
+
+def with_interval(value: float, lower: float, upper: float, digits: int = 2) -> str:
+    """`19.70 (19.21–20.14)`; a dash where there is no value."""
+    if math.isnan(value):
+        return "–"
+    if math.isnan(lower) or math.isnan(upper):
+        return f"{value:.{digits}f}"
+    return f"{value:.{digits}f} ({lower:.{digits}f}–{upper:.{digits}f})"
+
+
+def metrics_row(record: Mapping[str, Any]) -> list[str]:
+    """v_u, mean V, p_nc and g of one record, each with its interval."""
+    return [
+        with_interval(record["v_u_cm_s"], record["v_u_lower_cm_s"], record["v_u_upper_cm_s"]),
+        with_interval(record["mean_cm_s"], record["mean_lower_cm_s"], record["mean_upper_cm_s"]),
+        with_interval(record["p_nc"], record["p_nc_wilson_lower"], record["p_nc_wilson_upper"], 4),
+        with_interval(record["g_cm_s"], record["g_lower_cm_s"], record["g_upper_cm_s"]),
+    ]
+
+
+def print_designs(
+    title: str, designs: Sequence[tuple[str, Sequence[Sequence[float | None]], Mapping[str, Any]]], caption: str
+) -> None:
+    """One row a design: name, waveform, metrics with intervals."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_lines=True)
+    for column in ("design", "waveform"):
+        table.add_column(column)
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for name, rows, record in designs:
+        table.add_row(name, describe_waveform(rows), *metrics_row(record))
+    console = Console()
+    # A pipe or a log has no width: give the table the room that it needs rather than fold its numbers.
+    (console if console.is_terminal else Console(width=160)).print(table)
+
+
+def print_standing(standing: Standing) -> None:
+    """What `status` prints for people."""
+    from rich.console import Console
+
+    console = Console(highlight=False, soft_wrap=True)
+    share = standing.committed / max(standing.budget, 1)
+    state = "finished" if standing.finished else f"{share:.0%}"
+    console.print(f"{standing.name}: {standing.committed} of {standing.budget} candidates committed ({state})")
+    if standing.failed:
+        console.print(f"{standing.failed} of them failed (softclose_store.open_campaign(path).history() says why)")
+    best = standing.best
+    if best is None:
+        console.print("no usable candidate yet")
+        return
+    console.print(
+        f"best: candidate {best.candidate}, g {best.g_cm_s:.2f} cm/s, v_u {best.v_u_cm_s:.2f} cm/s, "
+        f"mean V {best.mean_cm_s:.2f} cm/s, p_nc {best.p_nc:.4f} on {best.n_switches} switches"
+    )
+    console.print(describe_waveform(waveform_to_json(best.waveform)))
