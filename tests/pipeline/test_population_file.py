@@ -67,7 +67,7 @@ def test_what_is_written_reads_back_equal(name: str, tmp_path: Path) -> None:
         ('base = "curent"\n', "did you mean 'current'"),
         ("base = 3\n", "base is 3"),
         (_D + _G + _E, r"\[T\] is missing"),
-        ('bass = "current"\n', "unknown key 'bass' .did you mean 'base'"),
+        ('bass = "current"\n', "unknown key 'bass'; did you mean 'base'"),
         ('base = "current"\nD = 3\n', r"it must be a table, \[D\]"),
         ('base = "current"\n[D]\ndistribution = "bta"\n', "did you mean 'beta'"),
         ('base = "current"\n[D]\ndistribution = "beta"\nlowr = 2\n', "did you mean 'lower'"),
