@@ -99,7 +99,7 @@ def test_errors_name_the_file_the_place_and_the_way_out(text: str, words: str, t
 
 
 def test_unknown_names_and_unreadable_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(PopulationError, match=r"'modifed' \(did you mean 'modified'\?\)"):
+    with pytest.raises(PopulationError, match=r"'modifed'; did you mean 'modified'\? known"):
         load_population("modifed")
     with pytest.raises(PopulationError, match="cannot be read"):
         load_population(tmp_path / "none.toml")

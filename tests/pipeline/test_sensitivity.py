@@ -10,19 +10,21 @@ import pytest
 
 from softclose import load_population
 from softclose.baselines import unshaped
+from softclose.uncertainty import sensitivity as module
 from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
 
 CURRENT = load_population("current")
 
 
-def _linear(switches: np.ndarray, waveform: object) -> Any:
+def _linear(config: object, switches: np.ndarray, waveform: object) -> Any:
     """V = D + 2 G, closed where D is below its median: a model with known indices."""
     d, g = switches[:, 0], switches[:, 1]
     return SimpleNamespace(max_contact_speed=d + 2.0 * g, closed=d < 2.42)
 
 
-def test_indices_of_an_additive_model_are_its_variance_shares() -> None:
-    s = sensitivity(CURRENT, unshaped(), n=512, model=_linear)
+def test_indices_of_an_additive_model_are_its_variance_shares(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "respond", _linear)
+    s = sensitivity(CURRENT, unshaped(), n=512)
     share = CURRENT.D.sd**2 / (CURRENT.D.sd**2 + 4.0 * CURRENT.G.sd**2)
     exact = {("v_cm_s", "D"): share, ("v_cm_s", "G"): 1.0 - share, ("closed", "D"): 1.0}
     for i in s.indices:
@@ -34,12 +36,13 @@ def test_indices_of_an_additive_model_are_its_variance_shares() -> None:
     assert s.n_simulated == 6 * 512 * 8
 
 
-def test_a_switch_that_never_touches_counts_as_0_and_is_reported() -> None:
-    def sometimes(switches: np.ndarray, waveform: object) -> Any:
+def test_a_switch_that_never_touches_counts_as_0_and_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    def sometimes(config: object, switches: np.ndarray, waveform: object) -> Any:
         touches = switches[:, 1] < 3.67
         return SimpleNamespace(max_contact_speed=np.where(touches, 0.2, np.nan), closed=np.ones(len(switches), bool))
 
-    s = sensitivity(CURRENT, unshaped(), n=256, n_replicates=3, model=sometimes)
+    monkeypatch.setattr(module, "respond", sometimes)
+    s = sensitivity(CURRENT, unshaped(), n=256, n_replicates=3)
     found = {(i.output, i.variable): i for i in s.indices}
     assert found["v_cm_s", "G"].first == pytest.approx(1.0, abs=0.05)
     assert 0.3 < s.p_contact < 0.7

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.ensemble import simulate
-from softclose.metrics.objective import assess
+from softclose.evaluate import evaluate as apply
 from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine, seen_by
 
 FloatArray = NDArray[np.float64]
@@ -37,29 +36,11 @@ class EngineRun:
 
 def evaluate(problem: Problem, switches: FloatArray, index: int, proposal: Proposal) -> Observation:
     """Simulate and assess one proposal on the first of the switches (n, 4); without store or cluster."""
-    config = problem.config
-    o, m = config.objective, config.model
-    response = simulate(
+    a = apply(
+        problem.config,
         switches[: proposal.n_switches],
         proposal.waveform,
-        horizon_us=m.horizon_us,
-        restitution=m.restitution,
-        plate_area_um2=m.plate_area_um2,
-        rtol=config.compute.rtol,
-        method=config.compute.method,
-        max_volts=config.waveform.max_volts,
-    )
-    a = assess(
-        response,
-        c1_cm_s=o.c1_cm_s,
-        level=o.level,
-        limits_cm_s=o.limits_cm_s,
-        sampling=config.population.sampling,
-        form=o.form,
-        p_max=o.p_max if o.form == "chance" else None,
-        min_contact=o.min_contact,
-        undefined_v_u_cm_s=o.undefined_v_u_cm_s,
-        confidence=o.confidence,
+        max_volts=problem.config.waveform.max_volts,
     )
     return Observation(
         index=index,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.config import CampaignConfig, load_config
+from softclose.evaluate import respond
 from softclose.metrics.intervals import mean_interval
 from softclose.metrics.objective import CM_S
 from softclose.population import VARIABLES, Population, switches_from_parameters
@@ -65,8 +66,7 @@ def sensitivity(
     n_replicates: int = 8,
     seed: int = 0,
     confidence: float = 0.95,
-    model: Callable[..., Any] | None = None,
-    model_settings: dict[str, Any] | None = None,
+    config: CampaignConfig | None = None,
 ) -> Sensitivity:
     """First-order and total Sobol' indices of V and of closing to D, G, E and T (scipy's Saltelli scheme).
 
@@ -74,7 +74,7 @@ def sensitivity(
     and Student's interval, which quasi-random points by themselves could not. 6 n n_replicates switches are simulated.
     The indices need V of every point, also where a switch never touches: there V counts as 0, and `p_contact` says
     how often. V "among those in contact" has no such indices: contact makes the inputs dependent.
-    model: `softclose.simulate` or another device model of the same signature. Same seed, same indices.
+    config: whose device model answers; the defaults where it is left out. Same seed, same indices.
     """
     if n < 2 or n & (n - 1):
         raise SensitivityError(f"n is {n}; it must be a power of 2, such as 512 or 4096")
@@ -82,16 +82,13 @@ def sensitivity(
         raise SensitivityError(f"n_replicates is {n_replicates}; intervals need at least 2 (8 is usual)")
     from scipy.stats import sobol_indices, uniform
 
-    from softclose.device import load_model
-    from softclose.plugins import SINGLE_MODE
-
-    simulate = model or load_model(SINGLE_MODE)
+    settings = load_config({}) if config is None else config
     touched = closed = total = 0
     spread: list[FloatArray] = []
 
     def outputs(p: FloatArray) -> FloatArray:
         nonlocal touched, closed, total
-        r = simulate(switches_from_parameters(population.quantile(p.T)), waveform, **(model_settings or {}))
+        r = respond(settings, switches_from_parameters(population.quantile(p.T)), waveform)
         v = np.asarray(r.max_contact_speed, dtype=np.float64)
         total += v.size
         touched += int((~np.isnan(v)).sum())

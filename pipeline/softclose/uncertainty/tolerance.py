@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from softclose.metrics.objective import Assessment, assess
+from softclose.config import CampaignConfig, load_config
+from softclose.evaluate import judge, respond
+from softclose.metrics.objective import Assessment
 from softclose.waveform import Pulse, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -76,9 +77,7 @@ def drive_tolerance(
     errors: Sequence[DriveError] = DEFAULT_ERRORS,
     n_generators: int = 64,
     seed: int = 0,
-    model: Callable[..., Any] | None = None,
-    model_settings: dict[str, Any] | None = None,
-    objective_settings: dict[str, Any] | None = None,
+    config: CampaignConfig | None = None,
 ) -> tuple[DriveTolerance, ...]:
     """Assess one waveform under each scenario; the first row is the perfect generator.
 
@@ -86,23 +85,21 @@ def drive_tolerance(
     drives are drawn, keyed by (seed, generator), and each drives an equal share of the switches. Gain multiplies the
     volts; jitter moves the pulses; slew stretches ramps, see `distorted`. Errors may exceed waveform.max_volts: the
     limit is for designs, not for faults.
-    model: `softclose.simulate` or another device model of the same signature.
+    config: whose device model and objective apply; the defaults where it is left out. Intervals are those of
+    independent random draws, which the switches have to be.
     """
     table = np.asarray(switches, dtype=np.float64)
     if n_generators < 1:
         raise ToleranceError(f"n_generators is {n_generators}; at least 1 generator must drive the switches")
-    from softclose.device import load_model
-    from softclose.plugins import SINGLE_MODE
-
-    simulate = model or load_model(SINGLE_MODE)
+    settings = load_config({}) if config is None else config
 
     def run(error: DriveError) -> Assessment:
         speed, closed = np.full(len(table), np.nan), np.zeros(len(table), dtype=np.bool_)
         status = np.zeros(len(table), dtype=np.int8)
         for share, drive in _drives(len(table), waveform, error, n_generators, seed):
-            r = simulate(table[share], drive, **({"max_volts": math.inf} | (model_settings or {})))
+            r = respond(settings, table[share], drive)
             speed[share], closed[share], status[share] = r.max_contact_speed, r.closed, r.status
-        return assess(_Gathered(speed, closed, status), **(objective_settings or {}))
+        return judge(settings, _Gathered(speed, closed, status), fresh=True)
 
     perfect = run(DriveError())
     rows = [DriveTolerance(error=DriveError(), assessment=perfect, v_u_shift_cm_s=0.0, p_nc_shift=0.0)]

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.metrics.objective import Assessment, assess
+from softclose.evaluate import judge
+from softclose.metrics.objective import Assessment
 from softclose.metrics.paired import Comparison, compare
 from softclose.population import Population
 from softclose.waveform import FloatArray, Waveform
@@ -206,7 +207,7 @@ def simulate_fresh(
         rows = slice(start, min(start + CHUNK, n_switches))
         switches = fresh_switches(population, rows.stop - start, seed=seed, start=start)
         for i, waveform in enumerate(waveforms):
-            response = respond(config.model, config.compute, switches, waveform, threads=threads)
+            response = respond(config, switches, waveform, threads=threads)
             v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
             status[i, rows] = response.status
             done += len(switches)
@@ -217,7 +218,7 @@ def simulate_fresh(
 
 def assess_fresh(response: StoredResponse, config: CampaignConfig) -> Assessment:
     """The campaign's own objective, on independent random draws."""
-    return assess(response, **{**records.objective_settings(config), "sampling": "monte-carlo"})
+    return judge(config, response, fresh=True)
 
 
 def reference_designs(config: CampaignConfig) -> dict[str, Waveform]:

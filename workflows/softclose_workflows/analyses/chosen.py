@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from softclose.config import CampaignConfig
 from softclose.waveform import Waveform
@@ -25,19 +24,6 @@ class Chosen:
     """`best certified`, `best` or `asked for`."""
     seed: int
     """Seed of the fresh switches to ask it on: the certification's, where there is one."""
-
-    @property
-    def model_settings(self) -> dict[str, Any]:
-        """Keyword arguments of `simulate`; no limit on the voltage, which is for designs and not for faults."""
-        m, c = self.config.model, self.config.compute
-        return {
-            "horizon_us": m.horizon_us,
-            "restitution": m.restitution,
-            "plate_area_um2": m.plate_area_um2,
-            "rtol": c.rtol,
-            "method": c.method,
-            "max_volts": float("inf"),
-        }
 
 
 def choose(path: str, candidate: int | None = None) -> Chosen:

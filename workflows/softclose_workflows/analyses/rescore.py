@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig, load_config
-from softclose.metrics.objective import Assessment, assess
+from softclose.evaluate import judge
+from softclose.metrics.objective import Assessment
 from softclose_store import open_campaign
-from softclose_workflows.run import records
 from softclose_workflows.run.records import StoredResponse
 
 FloatArray = NDArray[np.float64]
@@ -122,13 +122,13 @@ def rescore(path: str, score: Score) -> list[Rescored]:
     Ensembles of different sizes rank together here, as they were run: `n_switches` says which is which.
     """
     campaign = open_campaign(path)
-    settings = records.objective_settings(rescored_config(CampaignConfig.from_dict(campaign.config), score))
+    config = rescored_config(CampaignConfig.from_dict(campaign.config), score)
     table = campaign.records()
     usable = [int(i) for i in np.flatnonzero(~table["failed"] & np.isfinite(table["g_cm_s"]))]
     assessments = {}
     for i in usable:
         try:
-            assessments[i] = assess(judged(campaign.responses(i), score), **settings)
+            assessments[i] = judge(config, judged(campaign.responses(i), score))
         except RescoreError as e:
             raise RescoreError(f"candidate {i}: {e}") from e
     before = {i: rank for rank, i in enumerate(sorted(usable, key=lambda i: float(table["g_cm_s"][i])), start=1)}

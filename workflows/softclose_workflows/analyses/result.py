@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from softclose.config import CampaignConfig
-from softclose.evaluate import respond
-from softclose.metrics.objective import assess
-from softclose.waveform import Waveform
+from softclose.evaluate import evaluate
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import reference_designs
-from softclose_workflows.run.records import assessment_record, objective_settings
+from softclose_workflows.run.records import assessment_record
 from softclose_workflows.tell.standing import waveform_to_json
 from softclose_workflows.tell.tables import print_designs
-
-
-def evaluate(config: CampaignConfig, switches: Any, waveform: Waveform) -> dict[str, Any]:
-    """Assess one waveform on switches (n, 4) as the campaign would: the same model, tolerance and objective."""
-    response = respond(config.model, config.compute, switches, waveform)
-    return assessment_record(assess(response, **objective_settings(config)))
 
 
 def print_result(path: str) -> None:
@@ -41,7 +31,7 @@ def print_result(path: str) -> None:
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
         [
             *(
-                (name, waveform_to_json(design.rows()), evaluate(config, switches, design))
+                (name, waveform_to_json(design.rows()), assessment_record(evaluate(config, switches, design)))
                 for name, design in reference_designs(config).items()
             ),
             (f"best (candidate {best.candidate})", waveform_to_json(best.waveform), record),

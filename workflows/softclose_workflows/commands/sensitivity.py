@@ -30,7 +30,7 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
         n_replicates=replicates,
         seed=seed,
         confidence=chosen.config.objective.confidence,
-        model_settings=chosen.model_settings,
+        config=chosen.config,
     )
     if as_json:
         whole = {"store": store, "candidate": chosen.candidate, "why": chosen.why, **asdict(found)}

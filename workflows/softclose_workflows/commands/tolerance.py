@@ -51,7 +51,6 @@ def tolerance(
     from softclose_workflows.analyses.certified_tables import finite, waveform_rows_of, wide_console
     from softclose_workflows.analyses.certify import fresh_switches
     from softclose_workflows.analyses.chosen import choose
-    from softclose_workflows.run.records import objective_settings
     from softclose_workflows.tell.tables import with_interval
 
     chosen = choose(store, candidate)
@@ -67,8 +66,7 @@ def tolerance(
         errors=asked or DEFAULT_ERRORS,
         n_generators=generators,
         seed=chosen.seed,
-        model_settings=chosen.model_settings,
-        objective_settings=objective_settings(chosen.config) | {"sampling": "monte-carlo"},
+        config=chosen.config,
     )
     if as_json:
         said = [

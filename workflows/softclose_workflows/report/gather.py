@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.metrics.objective import CM_S, assess
+from softclose.evaluate import judge, respond
+from softclose.metrics.objective import CM_S
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
 from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.analyses.certify import read_certification, reference_designs
 from softclose_workflows.report.data import DESIGN_NAMES, Candidates, Design, ReportData, Traces
 from softclose_workflows.report.shapes import shares, speed_edges
-from softclose_workflows.run.records import objective_settings, observations
+from softclose_workflows.run.records import observations
 
 if TYPE_CHECKING:
     from softclose_store import Campaign, StoredResponses
@@ -154,11 +155,9 @@ def _read_picks(
 
 def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tuple[Design, ...]:
     """The best candidate, and the two reference designs on the same switches."""
-    from softclose.evaluate import respond
 
     if best is None:
         return ()
-    settings = objective_settings(config)
     responses = campaign.responses(best)
     n = len(responses.max_contact_speed)
     designs = [
@@ -167,7 +166,7 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
             waveform=Waveform.from_rows(campaign.waveform(best)),
             speed_cm_s=responses.max_contact_speed * CM_S,
             closed=responses.closed,
-            assessment=assess(responses, **settings),
+            assessment=judge(config, responses),
             traces=_traces(
                 campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES], _step(config.store.n_times, 500)
             ),
@@ -175,14 +174,14 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
     ]
     switches = campaign.switches()[:n]
     for name, waveform in reversed(reference_designs(config).items()):
-        r = respond(config.model, config.compute, switches, waveform)
+        r = respond(config, switches, waveform)
         designs.append(
             Design(
                 name=DESIGN_NAMES[name],
                 waveform=waveform,
                 speed_cm_s=r.max_contact_speed * CM_S,
                 closed=r.closed,
-                assessment=assess(r, **settings),
+                assessment=judge(config, r),
             )
         )
     return tuple(designs)

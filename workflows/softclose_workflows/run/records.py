@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.metrics.objective import Assessment, assess
+from softclose.evaluate import judge
+from softclose.metrics.objective import Assessment
 from softclose.propose.protocol import Observation, Proposal
 from softclose.waveform import FloatArray, Waveform
 
@@ -28,22 +29,6 @@ class StoredResponse:
     """(n,) 0 where the switch was integrated."""
 
 
-def objective_settings(config: CampaignConfig) -> dict[str, Any]:
-    """The keyword arguments of `assess` that a configuration stands for."""
-    o = config.objective
-    return {
-        "form": o.form,
-        "level": o.level,
-        "c1_cm_s": o.c1_cm_s,
-        "p_max": o.p_max if o.form == "chance" else None,
-        "limits_cm_s": o.limits_cm_s,
-        "min_contact": o.min_contact,
-        "undefined_v_u_cm_s": o.undefined_v_u_cm_s,
-        "confidence": o.confidence,
-        "sampling": config.population.sampling,
-    }
-
-
 def assess_stored(stored: Mapping[str, NDArray[Any]], config: CampaignConfig) -> Assessment:
     """Assess the per-switch arrays of one candidate as the store holds them."""
     response = StoredResponse(
@@ -51,7 +36,7 @@ def assess_stored(stored: Mapping[str, NDArray[Any]], config: CampaignConfig) ->
         closed=stored["closed"].astype(np.bool_),
         status=stored["status"],
     )
-    return assess(response, **objective_settings(config))
+    return judge(config, response)
 
 
 def proposal_record(proposal: Proposal) -> dict[str, Any]:

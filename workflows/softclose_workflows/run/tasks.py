@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from softclose.config import CampaignConfig, ComputeSection, ModelSection
+from softclose.config import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 
 
@@ -31,11 +31,8 @@ class ChunkTask:
     """Rows (start, rise, peak, volts); a peak of inf holds."""
     proposal_digest: int
     """Ties the chunk's marker to the waveform it was computed for."""
-    model: ModelSection
-    max_volts: float
-    compute: ComputeSection
-    n_times: int
-    max_impacts: int
+    config: CampaignConfig
+    """What is applied, and what is kept."""
 
     @property
     def name(self) -> str:
@@ -71,11 +68,7 @@ def chunk_task(
         stop=min(start + config.chunk_switches, n_switches),
         waveform=rows,
         proposal_digest=digest,
-        model=config.model,
-        compute=config.compute,
-        max_volts=config.waveform.max_volts,
-        n_times=config.store.n_times,
-        max_impacts=config.store.max_impacts,
+        config=config,
     )
 
 
@@ -83,14 +76,14 @@ def compute_chunk(task: ChunkTask, switches: FloatArray) -> dict[str, np.ndarray
     """Simulate rows start:stop of switches (n, 4). Returns the arrays of the store's schema, by name."""
     from softclose.evaluate import respond
 
+    config = task.config
     response = respond(
-        task.model,
-        task.compute,
+        config,
         switches[task.start : task.stop],
         Waveform.from_rows(task.waveform),
-        max_volts=task.max_volts,
-        max_impacts=task.max_impacts,
-        times_us=times_us(task.model.horizon_us, task.n_times),
+        max_volts=config.waveform.max_volts,
+        max_impacts=config.store.max_impacts,
+        times_us=times_us(config.model.horizon_us, config.store.n_times),
         dtype=np.float32,
     )
     arrays: dict[str, np.ndarray[Any, Any] | None] = {

@@ -132,7 +132,7 @@ def _response(folder: Path, row: Row) -> Path:
     config, waveform = row.config, row.certified.waveform
     switches = fresh_switches(config.build_population(), N_DRAWN, seed=config.campaign.seed)
     t = np.linspace(0.0, 120.0, 481)
-    r = respond(config.model, config.compute, switches, waveform, times_us=t, dtype=np.float32)
+    r = respond(config, switches, waveform, times_us=t, dtype=np.float32)
     assert r.x is not None
     assert r.v is not None
     figure = _figure(figsize=(9, 6.4))
