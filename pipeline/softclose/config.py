@@ -195,10 +195,11 @@ class FinishSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class ComputeSection:
-    """How the work is cut up. Chunk boundaries are part of the result's identity."""
+    """How the work is cut up. Block boundaries are part of the store's identity."""
 
-    chunk_switches: Annotated[int, Field(ge=0, strict=True)] = 0
-    """Switches per chunk (one Dask task); 0 chooses: at least 2,048, at most 64 chunks a candidate."""
+    block_switches: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Simulated switches per block (one Dask task), several candidates' where ensembles are small; 0 chooses: 5,120, or
+    more where that would cut a candidate into more than 64 blocks."""
     rtol: Annotated[float, Field(ge=1e-13, le=1e-3)] = 1e-9
     """Relative tolerance of the integrator."""
     method: Literal["taylor", "rk"] = "taylor"
@@ -217,14 +218,14 @@ class StoreSection:
     """Sync every commit to the disk, against loss of power."""
 
 
-MAX_CHUNKS = 256
-"""Chunks of one candidate at most: the number of files stays bounded, whatever the ensemble."""
+MAX_BLOCKS = 256
+"""Blocks of one candidate at most: the number of files stays bounded, whatever the ensemble."""
 
-AUTO_CHUNKS = 64
-"""Chunks of one candidate at most where compute.chunk_switches is 0."""
+AUTO_BLOCKS = 64
+"""Blocks of one candidate at most where compute.block_switches is 0."""
 
-MIN_CHUNK_SWITCHES = 2048
-"""Switches per chunk at least where compute.chunk_switches is 0: a task should outweigh Dask's millisecond."""
+AUTO_BLOCK_SWITCHES = 5120
+"""Simulated switches per block where compute.block_switches is 0: 50 to 100 ms, which outweighs Dask's millisecond."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -260,13 +261,13 @@ class CampaignConfig:
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
                 f"{self.campaign.budget}: raise the budget or shorten the list"
             )
-        self._choose_chunks()
-        n, chunk = self.n_switches_max, self.compute.chunk_switches
-        if math.ceil(n / chunk) > MAX_CHUNKS:
+        self._choose_blocks()
+        n, block = self.n_switches_max, self.compute.block_switches
+        if math.ceil(n / block) > MAX_BLOCKS:
             raise ValueError(
-                f"compute.chunk_switches {chunk} cuts an ensemble of {n} switches into {math.ceil(n / chunk)} chunks; "
-                f"at most {MAX_CHUNKS} are allowed, so that the number of files stays bounded: "
-                f"use {math.ceil(n / MAX_CHUNKS)} or more, or 0"
+                f"compute.block_switches {block} cuts an ensemble of {n} switches into {math.ceil(n / block)} blocks; "
+                f"at most {MAX_BLOCKS} are allowed, so that the number of files stays bounded: "
+                f"use {math.ceil(n / MAX_BLOCKS)} or more, or 0"
             )
         return self
 
@@ -281,16 +282,15 @@ class CampaignConfig:
         return max(self.population.n_switches, self.finish.n_switches if self.finish.budget else 0)
 
     @property
-    def chunk_switches(self) -> int:
-        """Switches per chunk."""
-        return self.compute.chunk_switches
+    def block_switches(self) -> int:
+        """Simulated switches per block."""
+        return self.compute.block_switches
 
-    def _choose_chunks(self) -> None:
+    def _choose_blocks(self) -> None:
         """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""
-        n, chosen = self.n_switches_max, self.compute.chunk_switches
-        if not chosen:
-            chosen = max(MIN_CHUNK_SWITCHES, math.ceil(n / AUTO_CHUNKS))
-        object.__setattr__(self, "compute", replace(self.compute, chunk_switches=min(n, chosen)))
+        if not self.compute.block_switches:
+            chosen = max(AUTO_BLOCK_SWITCHES, math.ceil(self.n_switches_max / AUTO_BLOCKS))
+            object.__setattr__(self, "compute", replace(self.compute, block_switches=chosen))
 
     def build_population(self) -> Population:
         """The population, from its stored description."""

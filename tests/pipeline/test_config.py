@@ -26,7 +26,7 @@ def test_plain_values_round_trip_with_their_fingerprint() -> None:
 
 def test_any_setting_changes_the_fingerprint() -> None:
     base = load_config({}).fingerprint()
-    changes = ["campaign.seed=2", "objective.level=0.95", "compute.chunk_switches=500", "population.name=modified"]
+    changes = ["campaign.seed=2", "objective.level=0.95", "compute.block_switches=500", "population.name=modified"]
     assert len({base, *(load_config({}, [change]).fingerprint() for change in changes)}) == len(changes) + 1
 
 
@@ -53,7 +53,7 @@ def test_the_population_is_part_of_the_configuration(tmp_path: Path) -> None:
         ("waveform.initial=[[[0,2.5,3,100]]]", "waveform.initial.0.: pulse 1: pulse rises in 2.5 µs"),
         ("waveform.initial=[[[0,4,3,160]]]", "reaches 160 V; .* may not exceed 150 V"),
         ("model.horizon_us=inf", "finite"),
-        ("compute.chunk_switches=1", "2000 chunks; at most 256"),
+        ("compute.block_switches=1", "2000 blocks; at most 256"),
         ("campaign=3", "not of the form section.key=value"),
     ],
 )
@@ -86,14 +86,14 @@ def test_a_population_file_is_found_beside_its_campaign(tmp_path: Path) -> None:
 def test_chunks_stay_bounded_whatever_the_ensemble() -> None:
     for n in (1, 999, 1000, 64_000, 10_000_000):
         config = load_config({}, [f"population.n_switches={n}"])
-        assert -(-n // config.chunk_switches) <= 64
+        assert -(-n // config.block_switches) <= 64
 
 
 def test_the_automatic_chunk_size_is_written_out() -> None:
     """A store must not depend on what a later version would choose."""
-    assert load_config({}, ["population.n_switches=500"]).to_dict()["compute"]["chunk_switches"] == 500
-    assert load_config({}, ["population.n_switches=500000"]).to_dict()["compute"]["chunk_switches"] == 7813
-    assert load_config({}, ["compute.chunk_switches=100"]).to_dict()["compute"]["chunk_switches"] == 100
+    assert load_config({}, ["population.n_switches=500"]).to_dict()["compute"]["block_switches"] == 500
+    assert load_config({}, ["population.n_switches=500000"]).to_dict()["compute"]["block_switches"] == 7813
+    assert load_config({}, ["compute.block_switches=100"]).to_dict()["compute"]["block_switches"] == 100
 
 
 def test_every_section_documents_its_keys() -> None:

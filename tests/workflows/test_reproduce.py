@@ -22,7 +22,7 @@ TINY = (
     "campaign.budget=3",
     "population.n_switches=40",
     "finish.budget=0",
-    "compute.chunk_switches=0",
+    "compute.block_switches=0",
     "store.n_times=6",
     "optimiser.engine=sobol",
 )

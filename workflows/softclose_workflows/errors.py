@@ -15,7 +15,3 @@ class ExecutorError(ValueError):
 
 class Stopped(RuntimeError):
     """The campaign stopped before its end; what is committed is whole, and `resume` continues from there."""
-
-
-class ChunkFailure(RuntimeError):
-    """One chunk could not be computed, however often it was tried: its candidate is recorded as failed."""

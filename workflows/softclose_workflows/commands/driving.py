@@ -7,9 +7,10 @@ import sys
 
 import click
 
+from softclose import ALGORITHM
 from softclose.config import CampaignConfig
 from softclose_store import DriverStore, open_campaign, store_state
-from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
 from softclose_workflows.run.progress import show_progress
@@ -40,12 +41,12 @@ def drive(
             executor = stack.enter_context(open_executor(placement))
             if config is not None and is_new:
                 create_store(config, path)
-            store = stack.enter_context(DriverStore(path, break_lock=break_lock))
+            store = stack.enter_context(DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock))
             for change in changes_since(open_campaign(path).runtime):
                 click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)
             store.note_run(runtime() | {"workers": executor.n_workers})
             if executor.dashboard and not quiet:
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
             listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
-            Campaign(store, executor, stop=stop, listener=listener).run()
+            Driver(store, executor, stop=stop, listener=listener).run()
     print_result(path)

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import click
 
+from softclose import ALGORITHM
 from softclose.config import CampaignConfig
 from softclose_store import DriverStore, open_campaign
 from softclose_workflows.analyses.certified_tables import simulation_progress
 from softclose_workflows.analyses.certify import Certification, certify
 from softclose_workflows.errors import Stopped
-from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.progress import show_progress
@@ -91,10 +92,10 @@ def run_series(
 
 
 def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> None:
-    with DriverStore(path) as store:
+    with DriverStore(path, expected_algorithm=ALGORITHM) as store:
         store.note_run(runtime())
         with show_progress(quiet=effort.quiet or not sys.stderr.isatty()) as listener:
-            Campaign(store, executor, stop=stop, listener=listener).run()
+            Driver(store, executor, stop=stop, listener=listener).run()
 
 
 @contextmanager
