@@ -17,10 +17,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from softclose_store.errors import LockedError
-from softclose_store.files import StorePath, delete_key, local_path, normalised, open_files, read_key, write_key
-from softclose_store.processes import boot_id, process_is_alive, process_start
+from softclose_store.disk.files import StorePath, delete_key, local_path, normalised, open_files, read_key, write_key
+from softclose_store.disk.processes import boot_id, process_is_alive, process_start
 
-LOCK_KEY = "chunk_digest/driver.lock"
+LOCK_KEY = "digests/driver.lock"
 """Inside an array's folder: Zarr looks for members in groups only, and warns of files that it does not know there."""
 
 

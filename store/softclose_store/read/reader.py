@@ -10,10 +10,14 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from softclose_store.disk.files import StorePath, local_path, normalised, open_files
 from softclose_store.errors import DamageError, StoreError
-from softclose_store.files import StorePath, local_path, normalised, open_files
-from softclose_store.layout import CANDIDATE_ARRAYS, POPULATION
-from softclose_store.root import Root, read_root
+from softclose_store.read.arrays import UNREADABLE, layout_of, read_array
+from softclose_store.read.rows import LazyRows
+from softclose_store.read.table import Table
+from softclose_store.schema.fields import PARAMETERS, POPULATION, QUANTITIES, limit_texts
+from softclose_store.schema.layout import Layout
+from softclose_store.schema.root import Root, read_root
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,60 +46,6 @@ class Best:
     """(n_pulse, 4): start, rise, peak [µs] (inf where it holds) and volts."""
     record: Mapping[str, Any]
     """Every per-candidate value stored for it, by name."""
-
-
-class LazyRows:
-    """Rows of one candidate's array, read when indexed: `x[10:20]`, `x[5, ::10]`, `x[...]`."""
-
-    def __init__(self, array: zarr.Array[Any], i: int, n: int) -> None:
-        self._array = array
-        self._i = i
-        self.shape: tuple[int, ...] = (n, *array.shape[2:])
-        """(n_switches, …)."""
-        self.dtype = array.dtype
-        """Type of the elements."""
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __getitem__(self, selection: Any) -> NDArray[Any]:
-        first, *rest = selection if isinstance(selection, tuple) else (selection,)
-        n = self.shape[0]
-        if first is Ellipsis:
-            first = slice(None)
-        if isinstance(first, int | np.integer):
-            if not -n <= first < n:
-                raise IndexError(f"switch {first} is outside the {n} of this candidate")
-            return self._read((int(first) % n, *rest))
-        if isinstance(first, slice):
-            start, stop, step = first.indices(n)
-            if step < 0:
-                return self._read((slice(0, n), *rest))[first]
-            return self._read((slice(start, stop, step), *rest))
-        rows = np.asarray(first)
-        rows = np.flatnonzero(rows) if rows.dtype == bool else np.where(rows < 0, rows + n, rows)
-        if rows.size and (rows.min() < 0 or rows.max() >= n):
-            raise IndexError(f"switches {rows.min()} to {rows.max()} are not all among the {n} of this candidate")
-        rest += [slice(None)] * (len(self.shape) - 1 - len(rest))
-        return self._guard(lambda: self._array.oindex[(self._i, rows, *rest)])
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.asarray(self[...], dtype=dtype)
-
-    def _read(self, selection: tuple[Any, ...]) -> NDArray[Any]:
-        return self._guard(lambda: self._array[(self._i, *selection)])
-
-    def _guard(self, read: Any) -> NDArray[Any]:
-        try:
-            return np.asarray(read())
-        except (ValueError, RuntimeError, OSError) as e:
-            raise DamageError(
-                f"{self._array.name} of candidate {self._i} cannot be read ({type(e).__name__}: {e}): "
-                "run `softclose verify`"
-            ) from e
-
-    def __repr__(self) -> str:
-        return f"LazyRows({self._array.name}[{self._i}], shape={self.shape}, dtype={self.dtype})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,16 +93,17 @@ class Campaign:
         self.path = normalised(path)
         self._files = open_files(path, read_only=True)
         self._root: Root
-        self._group: zarr.Group
         self._records: dict[str, NDArray[Any]] = {}
+        self._arrays: dict[str, zarr.Array[Any]] = {}
+        self.layout: Layout
         self.refresh()
 
     def refresh(self) -> None:
         """Look at the store again: sees what was committed since."""
         self._root = read_root(self._files, self.path)
+        self.layout = layout_of(self._files, self._root)
         self._records = {}
-        target: Any = self.path if local_path(self.path) is None else local_path(self.path)
-        self._group = zarr.open_group(target, mode="r", use_consolidated=True)
+        self._arrays = {}
 
     @property
     def config(self) -> dict[str, Any]:
@@ -166,6 +117,11 @@ class Campaign:
         return self._root.fingerprint
 
     @property
+    def algorithm(self) -> str:
+        """Version of the algorithms that the campaign was begun with: the other half of its identity."""
+        return self._root.algorithm
+
+    @property
     def schema_version(self) -> int:
         """Version of the store's schema."""
         return int(self._root.attributes["softclose_schema"])
@@ -173,7 +129,7 @@ class Campaign:
     @property
     def budget(self) -> int:
         """Candidates of the whole campaign."""
-        return int(self._root.attributes["layout"]["n_candidates"])
+        return self.layout.n_candidates
 
     @property
     def committed(self) -> int:
@@ -181,6 +137,20 @@ class Campaign:
         return self._root.n_committed
 
     n_committed = committed
+
+    @property
+    def n_waves(self) -> int:
+        """Committed waves."""
+        return self._root.n_waves
+
+    @property
+    def stages(self) -> dict[str, int]:
+        """Committed candidates of each stage, by name, in order."""
+        return {s.name: self.layout.committed_of(s, self.committed) for s in self.layout.stages}
+
+    def stage_of(self, i: int) -> str:
+        """Name of the stage that a candidate belongs to."""
+        return self.layout.stage_of(i)[0].name
 
     @property
     def finished(self) -> bool:
@@ -196,40 +166,50 @@ class Campaign:
     @property
     def times_us(self) -> FloatArray:
         """Time grid of the trajectories [µs]; empty where none are stored."""
-        return np.empty(0) if "time" not in self._root.metadata else self._whole("time")
+        return self.layout.times_us
 
     def records(self) -> dict[str, NDArray[Any]]:
-        """Every per-candidate array, by name, (committed, …) each."""
+        """Every value of the committed candidates, by name, (committed, …) each.
+
+        waveform is (committed, n_pulses, 4) with rows of NaN for absent pulses, p_exceed and its intervals
+        (committed, n_limits); what the surrogate believed is called `surrogate.<name>`, NaN where it did not say.
+        """
         if not self._records:
-            self._records = {s.name: self._whole(s.name)[: self.committed] for s in CANDIDATE_ARRAYS}
+            table = Table(self.layout, self.committed)
+            table.load(self._files, self.committed, self.path)
+            self._records = table.columns(self.committed, self._root.attributes["hyperparameters"])
         return self._records
 
-    def _whole(self, name: str) -> NDArray[Any]:
-        try:
-            return np.asarray(self._array(name)[...])
-        except (ValueError, RuntimeError, OSError) as e:
-            raise DamageError(
-                f"{name} of {self.path} cannot be read ({type(e).__name__}: {e}): run `softclose verify`"
-            ) from e
-
     def _array(self, name: str) -> zarr.Array[Any]:
-        array = self._group[name]
-        assert isinstance(array, zarr.Array)
-        return array
+        """An array at full capacity: what is read of it is committed, which `_check` sees to."""
+        if name not in self._arrays:
+            target: Any = self.path if local_path(self.path) is None else local_path(self.path)
+            try:
+                self._arrays[name] = zarr.open_array(target, path=name, mode="r")
+            except UNREADABLE as e:
+                raise DamageError(
+                    f"{name} of {self.path} cannot be opened ({type(e).__name__}: {e}): run `softclose verify`"
+                ) from e
+        return self._arrays[name]
 
     def _check(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer) or not 0 <= i < self.committed:
             raise StoreError(f"candidate {i!r} is not committed; {self.path} has {self.committed}, counted from 0")
         return int(i)
 
-    def best(self, n_switches: int | None = None) -> Best | None:
+    def best(self, n_switches: int | None = None, *, stage: str | None = None) -> Best | None:
         """The candidate of smallest g, None where no candidate has one.
 
         Values of g from ensembles of different sizes do not compare (small ones flatter their optimum), so only
         candidates of n_switches switches count: by default the most that any candidate with a g has. Ties: the first.
+        stage: only candidates of this stage.
         """
         records = self.records()
         usable = ~records["failed"] & np.isfinite(records["g_cm_s"])
+        if stage is not None:
+            first = self.layout.first(stage)
+            indices = np.arange(self.committed)
+            usable &= (indices >= first) & (indices < first + self.layout.stage(stage).n_candidates)
         sizes = records["n_switches"]
         if n_switches is None:
             n_switches = int(sizes[usable].max()) if usable.any() else 0
@@ -258,7 +238,7 @@ class Campaign:
 
         Columns are the per-candidate values; a waveform's are `pulse1_start_us` …, the surrogate's `surrogate.<name>`.
         """
-        columns = _columns(self.records(), [float(v) for v in self._root.attributes["layout"]["limits_cm_s"]])
+        columns = _columns(self.records(), limit_texts(self.layout.limits_cm_s))
         try:
             import pandas
         except ImportError:
@@ -271,73 +251,86 @@ class Campaign:
     def trajectories(self, i: int) -> Trajectories:
         """x(t) and v(t) of candidate i: `trajectories(3).x[10:20]` reads twenty switches' worth at most."""
         self._check(i)
-        if "x" not in self._root.metadata:
+        if not self.layout.times_us.size:
             raise StoreError(f"{self.path} keeps no trajectories (store.n_times)")
         return Trajectories(times_us=self.times_us, x=self._rows("x", i), v=self._rows("v", i))
 
-    def _rows(self, name: str, i: int) -> LazyRows:
-        return LazyRows(self._array(name), i, int(self.records()["n_switches"][i]))
+    def _rows(self, name: str, i: int, column: int | None = None) -> LazyRows:
+        stage, local = self.layout.stage_of(i)
+        return LazyRows(self._array(f"{stage.name}/{name}"), local, int(self.records()["n_switches"][i]), column)
 
     def responses(self, i: int) -> StoredResponses:
         """Per-switch results of candidate i."""
         self._check(i)
-        has_impacts = "impact_time" in self._root.metadata
-        scalars = {
-            name: self._rows(name, i)[...]
-            for name in ("max_contact_speed", "n_impacts", "final_x", "final_v", "closed", "status")
-        }
+        response = self._rows("response", i)[...]
+        columns = {field.name: response[:, k].copy() for k, field in enumerate(QUANTITIES)}
+        counts = {name: np.where(np.isnan(columns[name]), -1.0, columns[name]) for name in ("n_impacts", "status")}
+        has_impacts = bool(self.layout.max_impacts)
         return StoredResponses(
-            **scalars,
-            first_contact_us=self._rows("first_contact", i)[...],
-            settling_us=self._rows("settling", i)[...],
-            impact_time_us=self._rows("impact_time", i) if has_impacts else None,
-            impact_speed=self._rows("impact_speed", i) if has_impacts else None,
+            max_contact_speed=columns["max_contact_speed"],
+            first_contact_us=columns["first_contact"],
+            settling_us=columns["settling"],
+            n_impacts=counts["n_impacts"].astype(np.int32),
+            final_x=columns["final_x"],
+            final_v=columns["final_v"],
+            closed=columns["closed"] > 0,
+            status=counts["status"].astype(np.int8),
+            impact_time_us=self._rows("impact", i, 0) if has_impacts else None,
+            impact_speed=self._rows("impact", i, 1) if has_impacts else None,
         )
 
     def population(self) -> dict[str, FloatArray]:
         """The whole ensemble: D, G [µm], E [GPa], T [µm], K [N/m], M [µg], (n_switches,) each."""
-        return {name: self._whole(name) for name in POPULATION}
+        try:
+            return {name: read_array(self._files, name) for name in POPULATION}
+        except UNREADABLE as e:
+            raise DamageError(
+                f"the population of {self.path} cannot be read ({type(e).__name__}: {e}): run `softclose verify`"
+            ) from e
 
     def switches(self) -> FloatArray:
         """The whole ensemble as the simulator takes it: (n_switches, 4), columns D, G, K, M."""
         population = self.population()
         return np.column_stack([population[name] for name in ("D", "G", "K", "M")])
 
-    def dataset(self) -> xr.Dataset:
-        """The store as xarray sees it, lazily."""
+    def dataset(self, stage: str | None = None) -> xr.Dataset:
+        """The tables as xarray sees them, lazily; with `stage` that stage's responses and trajectories."""
         import xarray
 
-        dataset: xr.Dataset = xarray.open_zarr(self.path, chunks=None)
+        group = None if stage is None else self.layout.stage(stage).name
+        dataset: xr.Dataset = xarray.open_zarr(self.path, group=group, chunks=None)
         return dataset
+
+    def datatree(self) -> xr.DataTree:
+        """The whole store as xarray sees it, lazily: the tables, and a group for each stage."""
+        import xarray
+
+        tree: xr.DataTree = xarray.open_datatree(self.path, engine="zarr", chunks=None)
+        return tree
 
     def __repr__(self) -> str:
         return f"Campaign({self.path!r}, {self.committed} of {self.budget} candidates)"
 
 
-def _columns(records: Mapping[str, NDArray[Any]], limits: list[float]) -> dict[str, NDArray[Any]]:
-    """Per-candidate arrays as flat columns."""
+def _columns(records: Mapping[str, NDArray[Any]], limits: list[str]) -> dict[str, NDArray[Any]]:
+    """Records as flat columns, named as the table of records names them."""
     columns: dict[str, NDArray[Any]] = {}
-    for spec in CANDIDATE_ARRAYS:
-        values = records[spec.name]
-        if spec.dims == ("candidate",):
-            columns[spec.name] = values
-        elif spec.name == "waveform":
+    for name, values in records.items():
+        if name == "waveform":
             for pulse in range(values.shape[1]):
-                for k, name in enumerate(("start_us", "rise_us", "peak_us", "volts")):
-                    columns[f"pulse{pulse + 1}_{name}"] = values[:, pulse, k]
-        elif spec.dims == ("candidate", "limit"):
+                for k, parameter in enumerate(PARAMETERS):
+                    columns[f"pulse{pulse + 1}_{parameter}"] = values[:, pulse, k]
+        elif values.ndim == 2:
             for k, limit in enumerate(limits):
-                columns[f"{spec.name}_{limit:g}"] = values[:, k]
-    names, values = records["surrogate_name"], records["surrogate"]
-    for name in sorted({str(n) for n in names.ravel()} - {""}):
-        at = names == name
-        columns[f"surrogate.{name}"] = np.where(at.any(axis=1), np.where(at, values, 0.0).sum(axis=1), np.nan)
+                columns[f"{name}_{limit}"] = values[:, k]
+        else:
+            columns[name] = values
     return columns
 
 
 def open_campaign(path: StorePath) -> Campaign:
     """Open a store for reading. Runs nothing that the store contains; sees committed candidates only.
 
-    Raises StoreMissingError, SchemaError (a newer schema) or DamageError.
+    Raises StoreMissingError, SchemaError (another schema) or DamageError.
     """
     return Campaign(path)

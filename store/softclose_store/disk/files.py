@@ -1,4 +1,4 @@
-"""Owns how bytes reach a store: paths and URLs, whole-file atomic writes, syncing, and who runs zarr's coroutines.
+"""Owns how bytes reach a store: paths and URLs, whole-file atomic writes, syncing, and keys.
 
 Local writes go to a temporary file that is synced (if durable) and renamed over the old one; `LocalStore` does the same
 without syncing and through a thread per file, which costs three times as much.
@@ -6,16 +6,11 @@ without syncing and through a thread per file, which costs three times as much.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import os
-import threading
 import uuid
-import weakref
-from collections.abc import Coroutine
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from urllib.parse import unquote, urlparse
 
 from zarr.abc.buffer import Buffer, BufferPrototype
@@ -24,14 +19,11 @@ from zarr.buffer import cpu, default_buffer_prototype
 from zarr.storage import FsspecStore, LocalStore
 
 from softclose_store import faults
+from softclose_store.disk.loop import run_here
+from softclose_store.disk.names import PARTIAL, is_chunk_key
 from softclose_store.errors import StoreError
-from softclose_store.layout import is_chunk_key
 
-T = TypeVar("T")
 StorePath = str | os.PathLike[str]
-
-PARTIAL = ".partial"
-"""Suffix of a file that is being written; a kill leaves it behind, and nothing reads it."""
 
 
 def local_path(path: StorePath) -> Path | None:
@@ -166,37 +158,6 @@ def open_files(path: StorePath, *, read_only: bool, durable: bool = False, blind
         raise StoreError(f"cannot open {path}: {e}; give a local path or a URL that fsspec knows (s3://…)") from e
 
 
-class _Inline(ThreadPoolExecutor):
-    """Runs what it is given at once, in the caller's thread: zarr hands every encoding and file to a thread."""
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except BaseException as e:
-            future.set_exception(e)
-        return future
-
-
-_loops = threading.local()
-
-
-def run_here(coroutine: Coroutine[Any, Any, T], files: Store) -> T:
-    """Run a zarr coroutine to its end, for local files in this very thread.
-
-    zarr's own way, a loop in another thread and a pool of more, costs 0.9 ms an array instead of 0.25 ms. Remote file
-    systems are bound to one loop, which runs in a thread of its own.
-    """
-    if not isinstance(files, LocalStore):
-        return asyncio.run_coroutine_threadsafe(coroutine, _remote_loop()).result()
-    try:
-        asyncio.get_running_loop()
-    except RuntimeError:
-        return _local_loop().run_until_complete(coroutine)
-    with ThreadPoolExecutor(1) as other:  # in a notebook this thread has a running loop
-        return other.submit(lambda: _local_loop().run_until_complete(coroutine)).result()
-
-
 def read_key(files: Store, key: str) -> bytes | None:
     """The bytes under a key, or None."""
     content = run_here(files.get(key, default_buffer_prototype()), files)
@@ -209,12 +170,27 @@ def write_key(files: Store, key: str, content: bytes) -> None:
 
 
 def delete_key(files: Store, key: str) -> None:
-    """Remove a key; one that is not there is no error."""
+    """Remove a key; one that is not there is no error. Raises StoreError where it lies behind a link."""
+    check_inside(files, key)
     run_here(files.delete(key), files)
 
 
+def check_inside(files: Store, key: str) -> None:
+    """Raise StoreError where a key would leave the store: an unsafe name, or a link on the way."""
+    if os.path.isabs(key) or ".." in key.split("/") or "\\" in key:
+        raise StoreError(f"{key!r} is no key of a store: it leads out of it; nothing was touched")
+    if isinstance(files, LocalStore):
+        folder = files.root
+        for part in key.split("/")[:-1]:
+            folder = folder / part
+            if folder.is_symlink():
+                raise StoreError(f"{folder} is a link, which may lead out of the store; nothing was touched")
+
+
 def list_keys(files: Store) -> list[str]:
-    """Every key of a store, sorted."""
+    """Every key of a store, sorted; links are keys like files, and not followed."""
+    if isinstance(files, LocalStore):
+        return sorted(_walk(os.fspath(files.root), ""))
 
     async def gather() -> list[str]:
         return sorted([key async for key in files.list()])
@@ -222,24 +198,15 @@ def list_keys(files: Store) -> list[str]:
     return run_here(gather(), files)
 
 
-def _local_loop() -> asyncio.AbstractEventLoop:
-    loop: asyncio.AbstractEventLoop | None = getattr(_loops, "loop", None)
-    if loop is None or loop.is_closed() or _loops.pid != os.getpid():
-        loop = asyncio.new_event_loop()
-        loop.set_default_executor(_Inline(max_workers=1))
-        _loops.loop, _loops.pid = loop, os.getpid()
-        weakref.finalize(threading.current_thread(), loop.close)
-    return loop
-
-
-_remote: dict[int, asyncio.AbstractEventLoop] = {}
-_remote_lock = threading.Lock()
-
-
-def _remote_loop() -> asyncio.AbstractEventLoop:
-    with _remote_lock:
-        if os.getpid() not in _remote:
-            loop = asyncio.new_event_loop()
-            threading.Thread(target=loop.run_forever, name="softclose-store", daemon=True).start()
-            _remote[os.getpid()] = loop
-        return _remote[os.getpid()]
+def _walk(folder: str, prefix: str) -> list[str]:
+    keys: list[str] = []
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    keys += _walk(entry.path, f"{prefix}{entry.name}/")
+                else:
+                    keys.append(prefix + entry.name)
+    except FileNotFoundError:  # removed meanwhile, or no store at all
+        return keys
+    return keys
