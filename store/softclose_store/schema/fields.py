@@ -118,6 +118,9 @@ WALL: tuple[Field, ...] = (
 )
 """Timings: the only values that two runs of one campaign do not share."""
 
+RECORDED: tuple[Field, ...] = (N_SWITCHES, WAVE, *RESULTS, *WORDS, *WALL)
+"""Every value of a candidate that is one number or one text."""
+
 DIGESTS = ("proposal", "markers", "record")
 """Digests of a candidate: xxh3 of its proposal, of its blocks' markers, of its result; 0: not written."""
 

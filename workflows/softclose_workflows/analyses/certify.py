@@ -40,7 +40,7 @@ GROUP = "certification"
 STREAM = 1
 """Random stream of certification ensembles; campaigns train on stream 0."""
 
-CHUNK = 10_000
+PART = 10_000
 """Switches simulated between two looks at the progress."""
 
 DISTINCT_VOLTS = 0.25
@@ -195,7 +195,7 @@ def simulate_fresh(
     threads: int = 1,
     listener: ProgressListener | None = None,
 ) -> list[StoredResponse]:
-    """Metrics of every waveform on the same fresh switches of the campaign's population, a chunk at a time."""
+    """Metrics of every waveform on the same fresh switches of the campaign's population, a part at a time."""
     from softclose.evaluate import respond
 
     population = config.build_population()
@@ -203,8 +203,8 @@ def simulate_fresh(
     closed = np.empty(v.shape, dtype=np.bool_)
     status = np.empty(v.shape, dtype=np.int8)
     total, done = v.size, 0
-    for start in range(0, n_switches, CHUNK):
-        rows = slice(start, min(start + CHUNK, n_switches))
+    for start in range(0, n_switches, PART):
+        rows = slice(start, min(start + PART, n_switches))
         switches = fresh_switches(population, rows.stop - start, seed=seed, start=start)
         for i, waveform in enumerate(waveforms):
             response = respond(config, switches, waveform, threads=threads)

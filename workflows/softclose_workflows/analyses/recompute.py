@@ -17,7 +17,6 @@ from softclose.propose.protocol import Problem
 from softclose.waveform import Waveform
 from softclose_store import Campaign as StoredCampaign
 from softclose_store import DriverStore, Layout, Recompute, open_campaign
-from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
 from softclose_workflows.run.creation import population_columns
 from softclose_workflows.run.tasks import Rows, compute_block, times_us
@@ -120,7 +119,7 @@ def _rows_of(waveform: NDArray[np.float64]) -> NDArray[np.float64]:
 def recompute() -> Recompute:
     """How to compute again whatever a store holds."""
     return Recompute(
-        population=_population, times_us=_times, proposals=_proposals, block=_block, record=_record, group=certify_again
+        population=_population, times_us=_times, proposals=_proposals, block=_block, record=_record, group=_group
     )
 
 
@@ -151,9 +150,7 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
     stage, local = store.layout.stage_of(i)
     n_switches = int(store.records()["n_switches"][i])
     row = local // stage.block_candidates
-    parts = [
-        store.read_assessed(stage.name, row, column, n_switches) for column in range(stage.blocks_of(n_switches))
-    ]
+    parts = [store.read_assessed(stage.name, row, column, n_switches) for column in range(stage.blocks_of(n_switches))]
     at = local - stage.candidates(row).start
     response = records.StoredResponse(
         max_contact_speed=np.concatenate([part["max_contact_speed"][at] for part in parts]),

@@ -16,6 +16,7 @@ from softclose.metrics.objective import CM_S
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
 from softclose.waveform import FloatArray, Waveform
+from softclose_store.schema.fields import SURROGATE_PREFIX
 from softclose_workflows.analyses.certify import read_certification, reference_designs
 from softclose_workflows.report.data import DESIGN_NAMES, Candidates, Design, ReportData, Traces
 from softclose_workflows.report.shapes import shares, speed_edges
@@ -78,19 +79,18 @@ def _candidates(records: Mapping[str, NDArray[Any]], config: CampaignConfig) -> 
     columns = {
         name: np.asarray(values, dtype=np.float64)
         for name, values in records.items()
-        if values.ndim == 1 and values.dtype.kind == "f"
+        if values.ndim == 1 and values.dtype.kind == "f" and not name.startswith(SURROGATE_PREFIX)
     }
     for k, limit in enumerate(config.objective.limits_cm_s):
         for name, end in (("p_exceed", ""), ("p_exceed_wilson", "_lower"), ("p_exceed_wilson", "_upper")):
             columns[f"{name}_{limit:g}{end}"] = np.asarray(records[name + end][:, k], dtype=np.float64)
     if config.population.sampling != "monte-carlo":  # recorded for any sampling, but none holds for quasi-random draws
         columns = {n: np.full_like(v, math.nan) if n.endswith(ENDS) else v for n, v in columns.items()}
-    names = records["surrogate_name"]
-    surrogate = {}
-    for name in sorted({str(v) for v in names.ravel()} - {""}):
-        at = names == name
-        values = np.where(at, records["surrogate"], 0.0).sum(axis=1)
-        surrogate[name] = np.where(at.any(axis=1), values, math.nan)
+    surrogate = {
+        name.removeprefix(SURROGATE_PREFIX): np.asarray(values, dtype=np.float64)
+        for name, values in sorted(records.items())
+        if name.startswith(SURROGATE_PREFIX)
+    }
     notes = [str(note) or str(failure) for note, failure in zip(records["note"], records["failure"], strict=True)]
     return Candidates(
         waveforms=tuple(_waveform(records["waveform"][i]) for i in range(n)),

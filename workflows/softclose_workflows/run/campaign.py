@@ -190,7 +190,9 @@ class Driver:
         reason = f"{type(failure).__name__}: {failure}"
         if stops_at_once(failure) or self._tries[key] >= MAX_TRIES:
             times = f" {MAX_TRIES} times" if self._tries[key] >= MAX_TRIES else ""
-            raise Stopped(f"{task.name} could not be computed{times} ({reason}); nothing of it is recorded") from failure
+            raise Stopped(
+                f"{task.name} could not be computed{times} ({reason}); nothing of it is recorded"
+            ) from failure
         self.executor.submit(task)
 
     def _commit(self, w: int) -> None:
@@ -234,4 +236,3 @@ class Driver:
                 n_retries=self.executor.n_retries,
             )
         )
-

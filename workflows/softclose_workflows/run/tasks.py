@@ -19,6 +19,9 @@ from softclose.device import FAILURES
 from softclose.waveform import FloatArray, Waveform
 from softclose_store import IMPACT_QUANTITIES, QUANTITIES
 
+PLACE = {quantity.name: k for k, quantity in enumerate(QUANTITIES)}
+"""Where a quantity stands in the array `response`."""
+
 Rows = tuple[tuple[float, float, float, float], ...]
 """A waveform as plain numbers: (start, rise, peak, volts) of each pulse; a peak of inf holds."""
 
@@ -49,7 +52,8 @@ class BlockTask:
     @property
     def name(self) -> str:
         """`candidates 20 to 39, switches 0 to 255`, for messages."""
-        return f"candidates {self.first} to {self.first + len(self.waveforms) - 1}, switches {self.start} to {self.stop - 1}"
+        last = self.first + len(self.waveforms) - 1
+        return f"candidates {self.first} to {last}, switches {self.start} to {self.stop - 1}"
 
     @property
     def place(self) -> tuple[int, int]:
@@ -95,8 +99,7 @@ def compute_block(
     c, s, times = len(waveforms), len(switches), times_us(config)
     n_impacts = config.store.max_impacts
     response = np.full((c, s, len(QUANTITIES)), np.nan)
-    response[:, :, QUANTITIES.index("closed")] = 0.0
-    response[:, :, QUANTITIES.index("status")] = -1.0
+    response[:, :, PLACE["closed"]], response[:, :, PLACE["status"]] = 0.0, -1.0
     impact = np.full((c, s, n_impacts, len(IMPACT_QUANTITIES)), np.nan)
     x, v = (np.full((c, s, len(times)), np.nan, dtype=np.float32) for _ in "xv")
     failures: dict[int, str] = {}
@@ -114,7 +117,7 @@ def compute_block(
         except FAILURES as e:
             failures[i] = f"{type(e).__name__}: {e}"
             continue
-        columns = {
+        known = {
             "max_contact_speed": r.max_contact_speed,
             "first_contact": r.first_contact_us,
             "settling": r.settling_us,
@@ -124,8 +127,8 @@ def compute_block(
             "closed": r.closed,
             "status": r.status,
         }
-        for k, quantity in enumerate(QUANTITIES):
-            response[i, :, k] = columns[quantity]
+        for quantity, k in PLACE.items():
+            response[i, :, k] = known[quantity]
         impact[i, :, :, 0], impact[i, :, :, 1] = r.impact_time_us, r.impact_speed
         x[i], v[i] = r.x, r.v
     arrays: dict[str, NDArray[Any]] = {"response": response, "x": x, "v": v, "impact": impact}
@@ -143,9 +146,9 @@ def run_block(task: BlockTask) -> BlockResult:
     marker = write_block(task.store, task.stage, task.row, task.column, arrays, task.proposals_digest)
     response = arrays["response"]
     return BlockResult(
-        max_contact_speed=np.ascontiguousarray(response[:, :, QUANTITIES.index("max_contact_speed")]),
-        closed=response[:, :, QUANTITIES.index("closed")] == 1.0,
-        status=response[:, :, QUANTITIES.index("status")].astype(np.int8),
+        max_contact_speed=np.ascontiguousarray(response[:, :, PLACE["max_contact_speed"]]),
+        closed=response[:, :, PLACE["closed"]] == 1.0,
+        status=response[:, :, PLACE["status"]].astype(np.int8),
         marker=marker,
         failures=failures,
         simulate_s=simulated - began,

@@ -47,7 +47,7 @@ class Effort:
     top: int = 10
     """Candidates certified in each campaign."""
     placement: Placement = field(default_factory=Placement)
-    """Where chunks are computed."""
+    """Where blocks are computed."""
     threads: int = 1
     """Threads of a certification."""
     quiet: bool = False

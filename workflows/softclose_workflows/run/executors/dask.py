@@ -115,7 +115,8 @@ class DaskExecutor:
         from distributed.scheduler import KilledWorker
 
         if future.status == "finished":
-            return future.result(timeout=self._patience_s)
+            result: BlockResult = future.result(timeout=self._patience_s)
+            return result
         failure = future.exception() if future.status == "error" else None
         if isinstance(failure, KilledWorker):
             return Stopped(
