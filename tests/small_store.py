@@ -41,7 +41,11 @@ def population(n: int = 12) -> dict[str, NDArray[np.float64]]:
 
 
 def create(
-    path: Any, sizes: Layout | None = None, config: dict[str, Any] | None = None, algorithm: str = ALGORITHM, **options: Any
+    path: Any,
+    sizes: Layout | None = None,
+    config: dict[str, Any] | None = None,
+    algorithm: str = ALGORITHM,
+    **options: Any,
 ) -> Layout:
     sizes = layout() if sizes is None else sizes
     create_campaign(

@@ -1,5 +1,8 @@
 """The store of a campaign: one Zarr hierarchy that survives kills, proves its content and opens in any Zarr tool."""
 
+from softclose_store.check.repair import Recompute, RepairReport, remove_orphans, repair
+from softclose_store.check.report import Problem, Report
+from softclose_store.check.verify import verify
 from softclose_store.disk.files import write_file
 from softclose_store.disk.lock import lock_holder
 from softclose_store.errors import (
@@ -38,7 +41,11 @@ __all__ = [
     "LockedError",
     "OtherAlgorithmError",
     "OtherConfigurationError",
+    "Problem",
+    "Recompute",
     "RecordError",
+    "RepairReport",
+    "Report",
     "ResultGroup",
     "SchemaError",
     "StageLayout",
@@ -58,7 +65,10 @@ __all__ = [
     "proposals_digest",
     "read_group",
     "read_switches",
+    "remove_orphans",
+    "repair",
     "store_state",
+    "verify",
     "write_block",
     "write_file",
     "write_group",

@@ -1,8 +1,8 @@
 """Owns groups beside the campaign's own arrays: named results such as a certification.
 
 A result group is built in memory and copied with its own zarr.json last, so it is there as a whole or not at all. It is
-not in the root's consolidated metadata, which belongs to the driver: open it by its own path. The group lists its files;
-that list comes out of the store, so each name in it is checked before anything is touched under it.
+not in the root's consolidated metadata, which belongs to the driver: open it by its own path. The group lists its
+files; that list comes out of the store, so each name in it is checked before anything is touched under it.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ def group_problems(files: Store, name: str) -> list[str]:
 
 
 def group_keys(files: Store, name: str) -> list[str]:
-    """Every key of a result group; only its own metadata where that is damaged. Raises DamageError for foreign names."""
+    """Every key of a result group; only its own metadata where that is damaged. Foreign names: DamageError."""
     own = f"{name}/zarr.json"
     attributes = _attributes(read_key(files, own) or b"")
     return [own, *(checked_member(name, member) for member in (attributes or {FILES: ()})[FILES])]

@@ -1,27 +1,28 @@
 """Owns repair: damaged files are written again from what produces them, and proved equal to what was there.
 
-What can be computed again: the root (from its copy and the records), array metadata and population (from the
-configuration), chunks, proposals and records (pure functions, DESIGN §2). Timings are lost. The science comes in as
-callbacks: this package knows none.
+What can be computed again: the root (from its copy and everything that remains), array metadata and population (from
+the configuration), blocks, proposals and records (pure functions, DESIGN §2), derived groups. Timings are lost. What
+does not belong to the store is moved out of it. The science comes in as callbacks: this package knows none.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from zarr.abc.store import Store
 
-from softclose_store import digests
-from softclose_store.chunk import check_rows, forget_writer, marker_of, read_array, write_chunk
-from softclose_store.create import build_hierarchy, metadata_digest, population_columns
-from softclose_store.driver import DriverStore
-from softclose_store.errors import DamageError, StoreError
-from softclose_store.files import (
-    PARTIAL,
+from softclose_store.check.committed import remains
+from softclose_store.check.report import BlockOf, Report
+from softclose_store.check.restore import RepairStore
+from softclose_store.check.strays import set_aside
+from softclose_store.check.verify import PLAIN_GROUP, block_keys, read_backup, verify
+from softclose_store.disk.files import (
     StorePath,
     delete_key,
     list_keys,
@@ -30,11 +31,16 @@ from softclose_store.files import (
     read_key,
     write_key,
 )
-from softclose_store.layout import Layout
-from softclose_store.lock import DriverLock
-from softclose_store.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, decode_root, runtime_text, write_root
-from softclose_store.table import CandidateTable
-from softclose_store.verify import Report, chunk_keys, read_backup, verify
+from softclose_store.disk.lock import DriverLock
+from softclose_store.disk.names import PARTIAL
+from softclose_store.errors import DamageError, StoreError
+from softclose_store.read.arrays import UNREADABLE, read_array
+from softclose_store.schema import digests
+from softclose_store.schema.hierarchy import HYPERPARAMETER, build_hierarchy, metadata_digest, population_columns
+from softclose_store.schema.layout import Layout
+from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, decode_root, runtime_text, write_root
+from softclose_store.write.block import check_block, forget_writer, marker_of, write_block
+from softclose_store.write.driver import DriverStore
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,12 +51,17 @@ class Recompute:
     """Configuration -> the columns D, G, E, T, K, M."""
     times_us: Callable[[Mapping[str, Any]], ArrayLike]
     """Configuration -> the time grid [µs]."""
-    proposal: Callable[[DriverStore, int], Mapping[str, Any]]
-    """The proposal of a candidate, from the records before it."""
-    chunk: Callable[[DriverStore, int, int], Mapping[str, NDArray[Any]]]
-    """The arrays of (candidate, chunk), from the candidate's proposal."""
+    waves: Callable[[Mapping[str, Any]], Sequence[int]]
+    """Configuration -> the sizes of all waves of the campaign, in order."""
+    proposals: Callable[[DriverStore, int, int], Sequence[Mapping[str, Any]]]
+    """(store, first candidate, size) of a wave -> its proposals, from the records before it: waveform, n_switches,
+    origin, note, surrogate."""
+    block: Callable[[DriverStore, str, int, int], Mapping[str, NDArray[Any]]]
+    """The arrays of (stage, i_block, j_block), from the proposals of its candidates."""
     record: Callable[[DriverStore, int], Mapping[str, Any]]
-    """The record of a candidate, from its chunks."""
+    """The result of a candidate, from its blocks."""
+    group: Callable[[str, str], bool] | None = None
+    """(path, name) of a derived group that is damaged -> True where it was written again (`write_group`, replace)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +69,7 @@ class RepairReport:
     """What a repair did."""
 
     proved: tuple[str, ...]
-    """Written again and equal, by digest, to what was there."""
+    """Written again and equal, by digest, to what was there; or moved aside."""
     unproved: tuple[str, ...]
     """Written again, but nothing intact is left to compare it with; or lost (timings)."""
     after: Report
@@ -82,28 +93,28 @@ class _Log:
 def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -> RepairReport:
     """Write everything that is damaged again, prove it equal, and remove what a kill left behind.
 
+    Files that belong to nothing are moved into `<store>.strays`, beside the store.
     Raises LockedError while a driver works on the store, DamageError where what was computed is not what was stored
     (another processor or library version: the damaged bytes stay as they are).
     """
     report = verify(path)
     log = _Log()
-    files = open_files(path, read_only=False)
     lock = DriverLock(path)
     lock.acquire(break_lock=break_lock)
     try:
-        for problem in report.problems:
-            if problem.kind == "unknown":
-                key = problem.what.partition(" ")[0]
-                delete_key(files, key)
-                log.add(f"{key} removed", proved=True)
-        kinds = {p.kind for p in report.problems}
-        if "root" in kinds or kinds & {"schema", "static"}:
+        if {p.kind for p in report.problems} & {"root", "schema", "static"}:
             _repair_frame(path, recompute, log)
     finally:
         lock.release()
     forget_writer(path)
-    with DriverStore(path, tolerate_damage=True, break_lock=break_lock) as store:
-        _repair_candidates(store, recompute, verify(path), log)
+    with RepairStore(path, break_lock=break_lock) as store:
+        report = verify(path)  # again: what a damaged frame hid shows now
+        _repair_waves(store, recompute, report, log)
+        _remove_pending(store, report, log)
+    _repair_groups(path, recompute, verify(path), log)
+    strays = [p.key for p in verify(path).problems if p.kind == "unknown"]
+    for key, place in zip(strays, set_aside(path, strays), strict=True):
+        log.add(f"{key} does not belong to the store; it is now {place}", proved=True)
     remove_orphans(path)
     return RepairReport(proved=tuple(log.proved), unproved=tuple(log.unproved), after=verify(path))
 
@@ -129,14 +140,20 @@ def _repair_frame(path: StorePath, recompute: Recompute, log: _Log) -> None:
     if source is None:
         raise DamageError(f"{where}: the root and its copy are both damaged; nothing says any more what this store is")
     attributes = source.attributes
-    layout = Layout.from_dict(attributes["layout"], np.asarray(recompute.times_us(attributes["config"]), dtype=float))
-    columns = population_columns(recompute.population(attributes["config"]), layout.n_switches)
+    config = attributes["config"]
+    layout = Layout.from_dict(attributes["layout"], np.asarray(recompute.times_us(config), dtype=float))
     built = build_hierarchy(
-        layout, attributes["config"], source.fingerprint, columns, _runtime(source), bool(attributes["durable"])
+        layout,
+        config=config,
+        fingerprint=source.fingerprint,
+        algorithm=source.algorithm,
+        population=population_columns(recompute.population(config), layout.n_switches),
+        runtime=_runtime(source),
+        durable=bool(attributes["durable"]),
     )
     fresh = decode_root(built[ROOT_KEY], where)
     for name, expected in attributes["static_digests"].items():
-        if fresh.attributes["static_digests"][name] != expected:
+        if fresh.attributes["static_digests"].get(name) != expected:
             raise DamageError(f"{where}: {name} computed again from the configuration is not what was stored")
     same_metadata = metadata_digest(built) == attributes["metadata_digest"]
     for key, content in built.items():
@@ -149,22 +166,28 @@ def _repair_frame(path: StorePath, recompute: Recompute, log: _Log) -> None:
             write_key(files, key, content)
             log.add(f"{key} written again", proved=True)
     if root is None:
-        table = CandidateTable(layout, files)
-        table.load(layout.n_candidates, tolerate_damage=True)
-        n = 0
-        while n < layout.n_candidates and 0 != int(table.columns["record_digest"][n]) == table.record_digest(n):
-            n += 1
-        root = source.committed(n)
-        root.metadata["runtime"]["attributes"] = _runtime_on_disk(files) or _runtime(source)
-        write_root(files, root)
-        log.add(f"{ROOT_KEY} rebuilt with {n} committed candidates", proved=True)
+        root = _rebuild_root(files, source, layout, recompute, where, log)
     if read_key(files, RUNTIME_KEY) != runtime_text(root):
         write_key(files, RUNTIME_KEY, runtime_text(root))
         log.add(f"{RUNTIME_KEY} written again", proved=True)
-    backup = read_backup(files, where)
-    if backup is None:
-        write_key(files, BACKUP_KEY, root.committed(0).encode())
+    if read_backup(files, where) is None:
+        write_key(files, BACKUP_KEY, root.committed(0, 0, ()).encode())
         log.add(f"{BACKUP_KEY} written again", proved=True)
+
+
+def _rebuild_root(files: Store, source: Root, layout: Layout, recompute: Recompute, where: str, log: _Log) -> Root:
+    """The root with as many waves committed as everything that remains says: whole waves only."""
+    found = remains(files, layout, frozenset(list_keys(files)), where)
+    ends = list(accumulate(recompute.waves(source.attributes["config"])))
+    n_waves = sum(1 for end in ends if end <= found.n)
+    if n_waves < len(ends) and found.n > (ends[n_waves - 1] if n_waves else 0):
+        n_waves += 1  # a wave's first records were written after its blocks, so the wave can be completed
+    n = ends[n_waves - 1] if n_waves else 0
+    root = source.committed(n, n_waves, found.hyperparameters)
+    root = root.with_runtime(_runtime_on_disk(files) or _runtime(source))
+    write_root(files, root)
+    log.add(f"{ROOT_KEY} rebuilt with {n} committed candidates", proved=found.certain)
+    return root
 
 
 def _runtime(root: Root) -> dict[str, Any]:
@@ -172,7 +195,7 @@ def _runtime(root: Root) -> dict[str, Any]:
     return attributes
 
 
-def _runtime_on_disk(files: Any) -> dict[str, Any] | None:
+def _runtime_on_disk(files: Store) -> dict[str, Any] | None:
     try:
         attributes = json.loads(read_key(files, RUNTIME_KEY) or b"")["attributes"]
     except (ValueError, KeyError, TypeError):
@@ -180,70 +203,118 @@ def _runtime_on_disk(files: Any) -> dict[str, Any] | None:
     return attributes if isinstance(attributes, dict) else None
 
 
-def _static_is_intact(files: Any, key: str, expected: Mapping[str, str]) -> bool:
-    name = key.partition("/")[0]
+def _static_is_intact(files: Store, key: str, expected: Mapping[str, str]) -> bool:
+    name = key.rpartition("/")[0]
+    if name == HYPERPARAMETER:
+        return True  # it grows: the driver writes it again from the root
     try:
         return read_key(files, key) is not None and digests.array_sha256(read_array(files, name)) == expected[name]
-    except (ValueError, RuntimeError, OSError, KeyError):
+    except UNREADABLE:
         return False
 
 
-def _repair_candidates(store: DriverStore, recompute: Recompute, report: Report, log: _Log) -> None:
-    """Proposals, chunks and records, in order of the candidates: each needs those before it."""
+def _repair_waves(store: RepairStore, recompute: Recompute, report: Report, log: _Log) -> None:
+    """Proposals, blocks and records, in order of the waves: each needs those before it."""
     kinds: dict[int, set[str]] = {}
     for problem in report.problems:
-        if problem.candidate is not None and problem.kind != "pending":
+        if problem.candidate is not None:
             kinds.setdefault(problem.candidate, set()).add(problem.kind)
-    for i, damage in sorted(kinds.items()):
-        chunks = {chunk for j, chunk in report.damaged_chunks if j == i}
-        if "proposal" in damage:
-            _repair_proposal(store, recompute, i, log)
-            chunks |= {chunk for chunk, done in enumerate(store.chunks_done(i)) if not done}
-        _repair_chunks(store, recompute, i, sorted(chunks), log)
-        if damage & {"record", "proposal"}:
-            _repair_record(store, recompute, i, log)
-        if "timings" in damage:
-            store.restore_timings(i, {})
-            log.add(f"timings of candidate {i} are lost", proved=False)
-    store.write_restored()
+    blocks = set(report.damaged_blocks)
+    start = 0
+    for size in recompute.waves(store.config):
+        if start >= store.n_committed:
+            break
+        candidates = range(start, start + size)
+        stage, local = store.layout.stage_of(start)
+        rows = range(local // stage.block_candidates, -(-(local + size) // stage.block_candidates))
+        own = {block for block in blocks if block[0] == stage.name and block[1] in rows}
+        proposals = [i for i in candidates if "proposal" in kinds.get(i, ())]
+        if proposals:
+            again = recompute.proposals(store, start, size)
+            for i in proposals:
+                _repair_proposal(store, i, again[i - start], log)
+            own |= _not_stored(store, stage.name, start, size)
+        _repair_blocks(store, recompute, sorted(own), log)
+        for i in candidates:
+            if kinds.get(i, set()) & {"record", "proposal"}:
+                _repair_record(store, recompute, i, log)
+            if "timings" in kinds.get(i, ()):
+                store.restore_timings(i)
+                log.add(f"timings of candidate {i} are lost", proved=False)
+        start += size
+    if kinds or any(p.kind == "static" for p in report.problems):
+        store.write_restored()
 
 
-def _repair_proposal(store: DriverStore, recompute: Recompute, i: int, log: _Log) -> None:
-    stored = store.proposal_digest(i)
-    found = store.restore_proposal(i, recompute.proposal(store, i))
-    carried = {int(digest) for digest in store.markers(i)[:, 0]} - {0}
-    proved = found == stored or found in carried
-    if not proved and (stored or carried):
+def _repair_proposal(store: RepairStore, i: int, row: Mapping[str, Any], log: _Log) -> None:
+    stored = store.stored_digests(i)["proposal"]
+    found = store.restore_proposal(i, row)
+    if stored not in (0, found):
         raise _differs(f"the proposal of candidate {i}")
-    log.add(f"proposal of candidate {i} computed again", proved)
+    log.add(f"proposal of candidate {i} computed again", proved=found == stored)
 
 
-def _repair_chunks(store: DriverStore, recompute: Recompute, i: int, chunks: list[int], log: _Log) -> None:
+def _not_stored(store: RepairStore, stage: str, start: int, size: int) -> set[BlockOf]:
+    """Blocks of a wave that are not stored under its proposals, now that these are whole again."""
+    blocks = store.wave_blocks(start, size)
+    expected = [store.proposals_digest(stage, i) for i, _ in blocks]
+    done = store.blocks_done(stage, blocks, expected)
+    return {(stage, i, j) for (i, j), is_done in zip(blocks, done, strict=True) if not is_done}
+
+
+def _repair_blocks(store: RepairStore, recompute: Recompute, blocks: Sequence[BlockOf], log: _Log) -> None:
     """Nothing on the disk changes until the new marker equals the old one, where that is intact."""
     proved = {}
-    digest = store.proposal_digest(i)
     files = open_files(store.path, read_only=False)
-    for chunk in chunks:
-        before = store.markers(i)[chunk]
-        arrays = recompute.chunk(store, i, chunk)
-        found = marker_of(check_rows(store.layout, chunk, arrays), i, chunk, digest)
-        proved[chunk] = bool(np.array_equal(found, before))
-        if before.all() and int(before[0]) == digest and not proved[chunk]:
-            raise _differs(f"candidate {i}, chunk {chunk}")
-        for key in chunk_keys(store.layout, i, chunk):
+    for stage, i, j in blocks:
+        before = store.markers(stage, [(i, j)])[i, j]
+        proposals = store.proposals_digest(stage, i)
+        arrays = recompute.block(store, stage, i, j)
+        values, n_switches = check_block(store.layout, stage, i, j, arrays)
+        found = marker_of(stage, i, j, values, n_switches, proposals)
+        proved[stage, i, j] = bool(np.array_equal(found, before))
+        if before.all() and int(before[0]) == proposals and not proved[stage, i, j]:
+            raise _differs(f"stage {stage}, block ({i}, {j})")
+        for key in block_keys(store.layout, stage, i, j):
             delete_key(files, key)
-        write_chunk(store.path, i, chunk, arrays, digest)
-    whole = bool(chunks) and store.markers_match(i)
-    for chunk in chunks:
-        log.add(f"candidate {i}, chunk {chunk} computed again", proved[chunk] or whole)
+        write_block(store.path, stage, i, j, arrays, proposals)
+    for stage, i, j in blocks:
+        log.add(f"stage {stage}, block ({i}, {j}) computed again", proved[stage, i, j] or store.markers_match(stage, i))
 
 
-def _repair_record(store: DriverStore, recompute: Recompute, i: int, log: _Log) -> None:
-    stored = store.record_digest(i)
-    found = store.restore_record(i, recompute.record(store, i))
+def _repair_record(store: RepairStore, recompute: Recompute, i: int, log: _Log) -> None:
+    stored = store.stored_digests(i)["record"]
+    found = store.restore_record(i, recompute.record(store, i), _wave_of(recompute.waves(store.config), i))
     if stored not in (0, found):
         raise _differs(f"the record of candidate {i}")
     log.add(f"record of candidate {i} computed again", proved=found == stored)
+
+
+def _wave_of(sizes: Sequence[int], i: int) -> int:
+    return next(wave for wave, end in enumerate(accumulate(sizes)) if i < end)
+
+
+def _remove_pending(store: RepairStore, report: Report, log: _Log) -> None:
+    """Damaged blocks of candidates that are not committed go: a resume computes them again."""
+    files = open_files(store.path, read_only=False)
+    for stage, i, j in sorted({p.block for p in report.problems if p.kind == "pending" and p.block is not None}):
+        for key in reversed(list(block_keys(store.layout, stage, i, j))):
+            delete_key(files, key)
+        log.add(
+            f"stage {stage}, block ({i}, {j}), not committed and damaged, removed: resuming computes it", proved=True
+        )
+
+
+def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _Log) -> None:
+    """Derived groups: each is written again by whoever knows how; one that nobody knows stays as it is."""
+    files = open_files(path, read_only=False)
+    for problem in report.problems:
+        if problem.kind == "group" and problem.key:
+            write_key(files, problem.key, json.dumps(PLAIN_GROUP).encode())
+            log.add(f"{problem.key} written again", proved=True)
+    for name in report.damaged_groups:
+        if recompute.group is not None and recompute.group(normalised(path), name):
+            log.add(f"group {name} computed again", proved=False)
 
 
 def _differs(what: str) -> DamageError:

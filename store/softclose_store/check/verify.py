@@ -1,135 +1,124 @@
-"""Owns the proof that a store is what was written: every file of it is accounted for, read and compared.
-
-Damage is anything that differs from what was written. Left over is not damage: temporary files and unmarked chunks of
-candidates that are not committed are what a kill leaves behind.
-"""
+"""Owns finding damage: everything in a store is read and compared, and every file must belong to something."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from zarr.abc.store import Store
 
-from softclose_store import digests
-from softclose_store.chunk import read_array
-from softclose_store.create import metadata_digest
-from softclose_store.errors import DamageError, StoreMissingError
-from softclose_store.files import PARTIAL, StorePath, list_keys, normalised, open_files, read_key
+from softclose_store.check.committed import remains
+from softclose_store.check.report import BlockOf, Kind, Problem, Report
+from softclose_store.disk.files import StorePath, list_keys, normalised, open_files, read_key
+from softclose_store.disk.lock import LOCK_KEY
+from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, PARTIAL, chunk_key
+from softclose_store.errors import DamageError, StoreError, StoreMissingError
 from softclose_store.groups import group_keys, group_problems, result_groups
-from softclose_store.integrity import UNREADABLE, ChunkReader, markers_digest
-from softclose_store.layout import (
-    CANDIDATE_ARRAYS,
-    CHUNK_KEY_SEPARATOR,
+from softclose_store.read.arrays import UNREADABLE, read_array
+from softclose_store.read.blocks import BlockReader, markers_digest
+from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
+from softclose_store.schema import digests
+from softclose_store.schema.fields import N_SURROGATE, POPULATION
+from softclose_store.schema.hierarchy import (
+    HYPERPARAMETER,
     MARKER,
-    ArraySpec,
-    Layout,
-    chunk_key,
-    is_chunk_key,
+    STATIC_CHUNK,
+    TABLES,
+    metadata_digest,
+    stage_specs,
+    static_arrays,
 )
-from softclose_store.lock import LOCK_KEY
-from softclose_store.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, decode_root, read_root, runtime_text
-from softclose_store.table import SPECS, CandidateTable
+from softclose_store.schema.layout import Layout, StageLayout
+from softclose_store.schema.root import (
+    BACKUP_KEY,
+    COMMITTED,
+    ROOT_KEY,
+    RUNTIME_KEY,
+    Root,
+    decode_root,
+    read_root,
+    runtime_text,
+)
 
-Kind = Literal["root", "schema", "static", "proposal", "record", "timings", "chunk", "pending", "group", "unknown"]
+PLAIN_GROUP = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
+"""Metadata of a group that only holds result groups, such as `certification`."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
-    """One thing that is not what was written."""
-
-    kind: Kind
-    """root: identity, layout or commit marker; schema: metadata of an array; static: population or coordinates;
-    proposal, record, timings: per-candidate values; chunk: data of a committed candidate; pending: of one that is not
-    committed yet (resuming computes it again); group: a result group; unknown: a file that does not belong here."""
-    what: str
-    """What is wrong, in words."""
-    candidate: int | None = None
-    """The candidate, where it is one's."""
-    chunk: int | None = None
-    """Its chunk, where it is one's."""
-
-    def __str__(self) -> str:
-        return f"{self.kind}: {self.what}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
-    """What `verify` found."""
-
-    path: str
-    """The store."""
-    n_committed: int
-    """Committed candidates."""
-    n_chunks: int
-    """Chunks read and compared with their markers."""
-    problems: tuple[Problem, ...]
-    """All damage."""
-    orphans: tuple[str, ...]
-    """Temporary files that a kill left behind: harmless, `remove_orphans` deletes them."""
-
-    @property
-    def ok(self) -> bool:
-        """True where nothing is damaged."""
-        return not self.problems
-
-    @property
-    def damaged_chunks(self) -> list[tuple[int, int]]:
-        """(candidate, chunk) to be computed again, in order."""
-        return sorted(
-            {
-                (p.candidate, p.chunk)
-                for p in self.problems
-                if p.kind == "chunk" and p.candidate is not None and p.chunk is not None
-            }
-        )
-
-    @property
-    def damaged_records(self) -> list[int]:
-        """Candidates whose proposal, record or timings are damaged, in order."""
-        kinds = ("proposal", "record", "timings")
-        return sorted({p.candidate for p in self.problems if p.kind in kinds and p.candidate is not None})
+OnBlock = Callable[[str, int, int], None]
+_CHANGING = ("n_committed", "n_waves", "hyperparameters", "root_digest")
+"""Attributes of the root that a commit changes: its copy has those of the creation."""
 
 
 @dataclass(slots=True)
 class _Check:
     files: Store
     where: str
-    on_chunk: Callable[[int, int], None] | None
+    on_block: OnBlock | None
     keys: frozenset[str]
     problems: list[Problem] = field(default_factory=list)
     expected: set[str] = field(default_factory=set)
-    n_chunks: int = 0
+    n_blocks: int = 0
 
-    def add(self, kind: Kind, what: str, candidate: int | None = None, chunk: int | None = None) -> None:
-        self.problems.append(Problem(kind=kind, what=what, candidate=candidate, chunk=chunk))
+    def add(
+        self,
+        kind: Kind,
+        what: str,
+        *,
+        key: str = "",
+        candidate: int | None = None,
+        block: BlockOf | None = None,
+        group: str = "",
+    ) -> None:
+        self.problems.append(Problem(kind=kind, what=what, key=key, candidate=candidate, block=block, group=group))
 
 
-def verify(path: StorePath, *, on_chunk: Callable[[int, int], None] | None = None) -> Report:
-    """Read and compare everything in a store. on_chunk is told of each (candidate, chunk) checked.
+def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
+    """Read and compare everything in a store. on_block is told of each (stage, i_block, j_block) checked.
 
-    Raises StoreMissingError where there is no store, SchemaError for a newer schema; damage is reported, never raised.
+    Raises StoreMissingError where there is no store, SchemaError for another schema; damage is reported, never raised.
     """
     where = normalised(path)
     files = open_files(path, read_only=True)
     keys = list_keys(files)
-    check = _Check(files, where, on_chunk, frozenset(keys))
+    check = _Check(files, where, on_block, frozenset(keys))
     root = _check_root(check)
+    n_committed = 0
     if root is not None:
-        layout = _check_schema(check, root)
-        if layout is not None:
-            _check_candidates(check, root, layout)
-        _check_files(check, keys, layout, root.n_committed)
+        layout, usable = _check_schema(check, root)
+        n_committed = root.n_committed
+        if usable:
+            if "root" in {p.kind for p in check.problems} and not _reads(files, where):
+                n_committed = _count(check, layout)
+            _check_hyperparameters(check, root)
+            _check_candidates(check, n_committed, layout)
+        _check_groups(check, root.metadata)
+        if usable:  # without a schema nothing says what belongs here
+            _check_files(check, keys, layout, n_committed)
     return Report(
         path=where,
-        n_committed=0 if root is None else root.n_committed,
-        n_chunks=check.n_chunks,
+        n_committed=n_committed,
+        n_blocks=check.n_blocks,
         problems=tuple(check.problems),
         orphans=tuple(key for key in keys if key.endswith(PARTIAL)),
     )
+
+
+def _reads(files: Store, where: str) -> bool:
+    try:
+        read_root(files, where)
+    except (DamageError, StoreMissingError):
+        return False
+    return True
+
+
+def _count(check: _Check, layout: Layout) -> int:
+    try:
+        return remains(check.files, layout, check.keys, check.where).n
+    except DamageError as e:
+        check.add("root", str(e), key=ROOT_KEY)
+        return 0
 
 
 def _check_root(check: _Check) -> Root | None:
@@ -142,24 +131,22 @@ def _check_root(check: _Check) -> Root | None:
         if backup is None:
             if isinstance(e, StoreMissingError):
                 raise
-            check.add("root", f"{e}; its copy is damaged too")
+            check.add("root", f"{e}; its copy is damaged too", key=ROOT_KEY)
             return None
-        check.add("root", str(e))
+        check.add("root", str(e), key=ROOT_KEY)
         return backup
-    attributes = root.attributes
-    if digests.fingerprint_of(attributes["config"]) != root.fingerprint:
-        check.add("root", "the fingerprint is not that of the stored configuration")
+    if digests.fingerprint_of(root.attributes["config"]) != root.fingerprint:
+        check.add("root", "the fingerprint is not that of the stored configuration", key=ROOT_KEY)
     backup = read_backup(check.files, check.where)
     if backup is None or _identity(backup) != _identity(root):
-        check.add("root", f"{BACKUP_KEY} is not what was written")
+        check.add("root", f"{BACKUP_KEY} is not what was written", key=BACKUP_KEY)
     if read_key(check.files, RUNTIME_KEY) != runtime_text(root):
-        check.add("root", f"{RUNTIME_KEY} is not what was written")
+        check.add("root", f"{RUNTIME_KEY} is not what was written", key=RUNTIME_KEY)
     return root
 
 
 def _identity(root: Root) -> dict[str, Any]:
-    changing = ("n_committed", "root_digest")
-    return {name: value for name, value in root.attributes.items() if name not in changing}
+    return {name: value for name, value in root.attributes.items() if name not in _CHANGING}
 
 
 def read_backup(files: Store, where: str) -> Root | None:
@@ -170,178 +157,242 @@ def read_backup(files: Store, where: str) -> Root | None:
         return None
 
 
-def _check_schema(check: _Check, root: Root) -> Layout | None:
-    """Metadata of every array, then the static arrays; returns the layout, None where the data cannot be read by it."""
-    names = [name for name, entry in root.metadata.items() if entry.get("node_type") == "array"]
-    contents = {f"{name}/zarr.json": read_key(check.files, f"{name}/zarr.json") or b"" for name in names}
-    check.expected |= set(contents)
-    usable = True
-    if metadata_digest(contents) != root.attributes["metadata_digest"]:
-        before = len(check.problems)
-        for name in names:
-            if not _same_metadata(contents[f"{name}/zarr.json"], root.metadata[name]):
-                check.add("schema", f"the metadata of {name} is not what was written")
-                usable = False
-        if len(check.problems) == before:
-            check.add("schema", "the metadata of an array is not what was written")
-    times = np.empty(0)
-    for name, expected in root.attributes["static_digests"].items():
-        parts = {chunk_key(name, i) for i in range(_n_chunks(root.metadata[name]))}
+def _check_schema(check: _Check, root: Root) -> tuple[Layout, bool]:
+    """Metadata of every array, then the static arrays; the layout, and whether data can be read by it."""
+    data = root.attributes["layout"]
+    layout = Layout.from_dict(data, np.arange(float(data["n_times"])))
+    usable = _check_metadata(check, root, layout)
+    for name in static_arrays(layout, {column: np.zeros(layout.n_switches) for column in POPULATION}):
+        parts = {chunk_key(name, i) for i in range(-(-root.metadata[name]["shape"][0] // STATIC_CHUNK))}
         check.expected |= parts
+        for key in sorted(parts - check.keys):
+            check.add("static", f"{key} is missing", key=key)
         if not parts <= check.keys:
-            check.add("static", f"{name} has missing files")
-            usable &= name != "time"
             continue
         try:
             values = read_array(check.files, name)
         except UNREADABLE as e:
-            check.add("static", f"{name} cannot be read: {e}")
-            usable &= name != "time"
+            check.add("static", f"{name} cannot be read: {e}", key=chunk_key(name, 0))
             continue
-        if digests.array_sha256(values) != expected:
-            check.add("static", f"{name} is not what was written")
-        if name == "time":
-            times = values
-    if not usable:
-        return None
-    n_times = int(root.attributes["layout"]["n_times"])
-    return Layout.from_dict(root.attributes["layout"], times if times.size == n_times else np.arange(float(n_times)))
+        if digests.array_sha256(values) != root.attributes["static_digests"].get(name):
+            check.add("static", f"{name} is not what was written", key=chunk_key(name, 0))
+    return layout, usable
 
 
-def _same_metadata(content: bytes, entry: dict[str, Any]) -> bool:
+def _check_metadata(check: _Check, root: Root, layout: Layout) -> bool:
+    names = [name for name in root.metadata if name != "runtime"]
+    contents = {f"{name}/zarr.json": read_key(check.files, f"{name}/zarr.json") or b"" for name in names}
+    check.expected |= set(contents)
+    if metadata_digest(contents) == root.attributes["metadata_digest"]:
+        return True
+    different = [key for key in contents if not _same_metadata(contents[key], key.rpartition("/")[0], root, layout)]
+    for key in different or contents:
+        check.add("schema", f"{key} is not what was written", key=key)
+    return False
+
+
+def _same_metadata(content: bytes, name: str, root: Root, layout: Layout) -> bool:
     """An array's own metadata against the root's copy, whose candidate length is the committed one."""
+    entry = {key: value for key, value in root.metadata[name].items() if key != "consolidated_metadata"}
+    dimension = (entry.get("dimension_names") or [None])[0]
+    if dimension in COMMITTED:
+        stage_name = name.rpartition("/")[0]
+        capacity = {
+            "candidate": lambda: layout.n_candidates,
+            "stage_candidate": lambda: layout.stage(stage_name).n_candidates,
+            "block_candidate": lambda: layout.stage(stage_name).n_block_candidates,
+        }[dimension]()
+        entry["shape"] = [capacity, *entry["shape"][1:]]
     try:
         own = json.loads(content)
     except ValueError:
         return False
-    if not isinstance(own, dict) or not isinstance(own.get("shape"), list) or len(own["shape"]) != len(entry["shape"]):
-        return False
-    first = 1 if (entry.get("dimension_names") or [""])[0] == "candidate" else 0
-    if own["shape"][first:] != entry["shape"][first:]:
-        return False
-    return {**own, "shape": 0} == {**entry, "shape": 0}
+    own = {key: value for key, value in own.items() if key != "consolidated_metadata"} if isinstance(own, dict) else {}
+    return bool(own == entry)
 
 
-def _n_chunks(entry: dict[str, Any]) -> int:
-    length: int = entry["shape"][0]
-    step: int = entry["chunk_grid"]["configuration"]["chunk_shape"][0]
-    return -(-length // step)
+def _check_hyperparameters(check: _Check, root: Root) -> None:
+    key = chunk_key(HYPERPARAMETER, 0)
+    check.expected.add(key)
+    names = list(root.attributes["hyperparameters"])
+    try:
+        found = [str(name) for name in read_array(check.files, HYPERPARAMETER)] if key in check.keys else []
+    except UNREADABLE:
+        found = []
+    # A commit that was killed has written the names that it would have added.
+    if len(found) != N_SURROGATE or found[: len(names)] != names:
+        check.add("static", f"{key} is not what was written", key=key)
 
 
-def _check_candidates(check: _Check, root: Root, layout: Layout) -> None:
-    table = CandidateTable(layout, check.files)
-    reader = ChunkReader(check.files, layout)
-    table.load(root.n_committed, tolerate_damage=True)
+def _check_candidates(check: _Check, n: int, layout: Layout) -> None:
+    table = Table(layout, layout.n_candidates)
+    table.load(check.files, n, check.where, tolerate_damage=True)
     # A missing file reads as fill values, which can equal what was written: it is damage all the same.
-    unusable = {(name, i_chunk, "cannot be read") for name, i_chunk in table.damaged}
-    for spec in CANDIDATE_ARRAYS:
-        for i_chunk in range(-(-root.n_committed // layout.record_chunk)):
-            if record_key(spec, i_chunk) not in check.keys:
-                unusable.add((spec.name, i_chunk, "is missing"))
-    for name, i_chunk, fate in sorted(unusable):
-        first = i_chunk * layout.record_chunk
-        stop = min(first + layout.record_chunk, root.n_committed)
-        if first >= root.n_committed:
-            check.add("pending", f"{name} of candidates from {first} on {fate}")
-        for i in range(first, stop):
-            check.add(_record_kind(name), f"{name} of candidate {i} {fate}", i)
-    for i in range(root.n_committed):
-        _check_candidate(check, table, reader, layout, i)
-    for i in range(root.n_committed, layout.n_candidates):
-        digest = int(table.columns["proposal_digest"][i])
-        if digest == 0 or digest != table.proposal_digest(i):
-            break
-        n_switches = int(table.columns["n_switches"][i])
-        markers = reader.markers(i, layout.chunks_of(n_switches))
-        for i_chunk in range(layout.chunks_of(n_switches)):
-            if markers[i_chunk, 0] == np.uint64(digest):
-                _check_chunk(check, reader, i, i_chunk, n_switches, digest, "pending")
+    for name in TABLES:
+        for i_chunk in range(table.chunks_of(n)):
+            key = chunk_key(name, i_chunk, 0)
+            missing = key not in check.keys
+            if missing or (name, i_chunk) in table.damaged:
+                fate = "is missing" if missing else "cannot be read"
+                rows = table.rows(i_chunk)
+                for i in range(rows.start, min(rows.stop, n)):
+                    _add_lost(check, name, f"{key}, with candidate {i}, {fate}", key, i)
+    for i in range(n):
+        _check_record(check, table, i)
+    reader = BlockReader(check.files, layout)
+    for stage in layout.stages:
+        n_stage = layout.committed_of(stage, n)
+        for i in range(-(-n_stage // stage.block_candidates)):
+            _check_row_of_blocks(check, table, reader, stage, i)
+        _check_pending(check, reader, layout, stage, n_stage)
 
 
-def record_key(spec: ArraySpec, i_chunk: int) -> str:
-    """Key of one chunk of a per-candidate array."""
-    return chunk_key(spec.name, i_chunk, *([0] * (len(spec.dims) - 1)))
+def _add_lost(check: _Check, table: str, what: str, key: str, i: int) -> None:
+    kinds: dict[str, tuple[Kind, ...]] = {
+        "records": ("proposal", "record"),
+        "words": ("proposal", "record"),
+        "digests": ("proposal", "record"),
+        "surrogate": ("proposal",),
+        "wall_times": ("timings",),
+    }
+    for kind in kinds[table]:
+        check.add(kind, what, key=key, candidate=i)
 
 
-def _record_kind(name: str) -> Kind:
-    spec = SPECS[name]
-    if spec.role == "proposal" or name == "proposal_digest":
-        return "proposal"
-    return "timings" if spec.role == "wall" or name == "wall_record_digest" else "record"
+def _check_record(check: _Check, table: Table, i: int) -> None:
+    if int(table.digests[i, PROPOSAL]) != table.proposal_digest(i):
+        check.add("proposal", f"the proposal of candidate {i} is not what was written", candidate=i)
+    if int(table.digests[i, RECORD]) != table.record_digest(i):
+        check.add("record", f"the record of candidate {i} is not what was written", candidate=i)
+    if table.wall_times[i, N_WALL] != table.wall_check(i):
+        check.add("timings", f"the timings of candidate {i} are not what was written", candidate=i)
 
 
-def _check_candidate(check: _Check, table: CandidateTable, reader: ChunkReader, layout: Layout, i: int) -> None:
-    columns = table.columns
-    proposed = int(columns["proposal_digest"][i])
-    if proposed != table.proposal_digest(i):
-        check.add("proposal", f"the proposal of candidate {i} is not what was written", i)
-    if int(columns["record_digest"][i]) != table.record_digest(i):
-        check.add("record", f"the record of candidate {i} is not what was written", i)
-    if int(columns["wall_record_digest"][i]) != table.wall_digest(i):
-        check.add("timings", f"the timings of candidate {i} are not what was written", i)
-    n_switches = int(columns["n_switches"][i])
-    if not 0 < n_switches <= layout.n_switches:
-        return  # its proposal is damaged: nothing says which data it should have
-    n_chunks = layout.chunks_of(n_switches)
-    markers = reader.markers(i, n_chunks)
-    failed = bool(columns["failed"][i])
-    for i_chunk in range(n_chunks):
-        check.expected |= set(chunk_keys(layout, i, i_chunk))
-        if failed and not markers[i_chunk].any():
-            continue
-        for key in chunk_keys(layout, i, i_chunk):
+def _check_row_of_blocks(check: _Check, table: Table, reader: BlockReader, stage: StageLayout, i: int) -> None:
+    """All blocks of some committed candidates against their markers, and these against the records."""
+    first = table.layout.first(stage.name)
+    candidates = range(first + stage.candidates(i).start, first + stage.candidates(i).stop)
+    damaged = {p.candidate for p in check.problems if p.kind in ("proposal", "record")}
+    intact = [k for k in candidates if k not in damaged]
+    # A damaged proposal does not say what the blocks should be of: their markers are believed, and compared with the
+    # records of the others.
+    proposals, n_switches = table.block_proposals(stage, i)
+    trusted = len(intact) == len(candidates)
+    if not trusted:
+        n_switches = max((table.n_switches(k) for k in candidates), default=0) or stage.n_switches
+    before = len(check.problems)
+    for j in range(stage.blocks_of(n_switches)):
+        block = (stage.name, i, j)
+        keys = list(block_keys(table.layout, *block))
+        check.expected |= set(keys)
+        for key in keys:
             if key not in check.keys:
-                check.add("chunk", f"{key} is missing", i, i_chunk)
-        _check_chunk(check, reader, i, i_chunk, n_switches, proposed, "chunk")
-    if markers_digest(markers, i, proposed) != int(columns["markers_digest"][i]):
-        blamed = any(p.candidate == i and p.kind in ("chunk", "proposal", "record") for p in check.problems)
-        if not blamed:
-            check.add("chunk", f"the markers of candidate {i} are not those of its record", i, 0)
-            for i_chunk in range(1, n_chunks):
-                check.add("chunk", f"the markers of candidate {i} are not those of its record", i, i_chunk)
+                check.add("block", f"{key} is missing", key=key, block=block)
+        _check_block(check, reader, block, proposals if trusted else None, "block")
+    if len(check.problems) > before or not intact:
+        return
+    markers = np.stack([reader.marker(stage.name, i, j) for j in range(stage.blocks_of(n_switches))])
+    for k in intact:
+        if markers_digest(markers, k) != int(table.digests[k, MARKERS]):
+            for j in range(len(markers)):
+                what = f"the marker of block ({i}, {j}) of stage {stage.name} is not that of candidate {k}'s record"
+                check.add(
+                    "block", what, key=list(block_keys(table.layout, stage.name, i, j))[-1], block=(stage.name, i, j)
+                )
+            return
 
 
-def _check_chunk(
-    check: _Check, reader: ChunkReader, i: int, i_chunk: int, n_switches: int, digest: int, kind: Kind
-) -> None:
-    check.n_chunks += 1
-    for problem in reader.problems(i, i_chunk, n_switches, digest):
-        check.add(kind, f"candidate {i}, chunk {i_chunk}: {problem}", i, i_chunk)
-    if check.on_chunk is not None:
-        check.on_chunk(i, i_chunk)
+def _check_block(check: _Check, reader: BlockReader, block: BlockOf, proposals: int | None, kind: Kind) -> None:
+    check.n_blocks += 1
+    stage, i, j = block
+    for problem in reader.problems(stage, i, j, proposals):
+        check.add(kind, f"stage {stage}, block ({i}, {j}): {problem}", block=block)
+    if check.on_block is not None:
+        check.on_block(stage, i, j)
 
 
-def chunk_keys(layout: Layout, i: int, i_chunk: int) -> Iterator[str]:
-    """Keys of all files of one chunk, its marker last."""
-    for spec in (*layout.switch_arrays, MARKER):
-        yield chunk_key(spec.name, i, i_chunk, *([0] * (len(spec.dims) - 2)))
+def _check_pending(check: _Check, reader: BlockReader, layout: Layout, stage: StageLayout, n_stage: int) -> None:
+    """Blocks that are marked and not committed: a run that was killed goes on from them."""
+    prefix = chunk_key(f"{stage.name}/{MARKER.name}") + CHUNK_KEY_SEPARATOR
+    for key in sorted(check.keys):
+        if key.startswith(prefix):
+            i, j = _indices(key)[:2]
+            if n_stage <= i * stage.block_candidates < stage.n_candidates and 0 <= j < stage.n_block_switches:
+                _check_block(check, reader, (stage.name, i, j), None, "pending")
 
 
-def _check_files(check: _Check, keys: list[str], layout: Layout | None, n_committed: int) -> None:
-    """Every file must belong to something."""
-    for name in result_groups(check.files):
-        check.expected |= set(group_keys(check.files, name))
+def _indices(key: str) -> list[int]:
+    """Indices in the key of a chunk, -1 for what is no number."""
+    parts = key.rpartition("/")[2].split(CHUNK_KEY_SEPARATOR)[1:]
+    indices = [int(part) if part.isascii() and part.isdigit() and str(int(part)) == part else -1 for part in parts]
+    return indices if len(indices) >= 2 else [-1, -1]
+
+
+def block_keys(layout: Layout, stage: str, i: int, j: int) -> Iterator[str]:
+    """Keys of all files of one block, its marker last."""
+    for spec in stage_specs(layout):
+        yield chunk_key(f"{stage}/{spec.name}", i, j, *([0] * (len(spec.dims) - 2)))
+
+
+def _check_groups(check: _Check, own_names: Collection[str]) -> None:
+    """Result groups, those included whose own metadata is lost: their arrays say that they were there."""
+    found = result_groups(check.files)
+    lost = [name for name in _lost_groups(check, own_names) if name not in found]
+    for name in found:
+        try:
+            check.expected |= set(group_keys(check.files, name))
+        except StoreError:
+            check.expected.add(f"{name}/zarr.json")  # its foreign names are among its problems
         for problem in group_problems(check.files, name):
-            check.add("group", problem)
+            check.add("group", problem, group=name)
+    for name in lost:
+        check.expected |= {key for key in check.keys if key.startswith(f"{name}/") and not key.endswith(PARTIAL)}
+        check.add("group", f"{name}/zarr.json is lost or not what was written", group=name)
+    for name in (*found, *lost):
         parts = name.split("/")
         for n in range(1, len(parts)):
             key = f"{'/'.join(parts[:n])}/zarr.json"
             check.expected.add(key)
             if not _is_plain_group(read_key(check.files, key)):
-                check.add("group", f"{key} is not what was written")
-    if layout is None:
-        return  # without a schema nothing says what belongs here
-    for spec in CANDIDATE_ARRAYS:
-        check.expected |= {record_key(spec, i_chunk) for i_chunk in range(layout.n_record_chunks)}
-    pending = {s.name for s in (*layout.switch_arrays, MARKER)}
+                check.add("group", f"{key} is not what was written", key=key)
+
+
+def _lost_groups(check: _Check, own_names: Collection[str]) -> list[str]:
+    own = {name.partition("/")[0] for name in own_names}
+    names = set()
+    for key in check.keys:
+        array = key.removesuffix("/zarr.json")
+        name = array.rpartition("/")[0]
+        if array != key and name and key.partition("/")[0] not in own and _node_type(check, key) == "array":
+            names.add(name)
+    return sorted(names)
+
+
+def _node_type(check: _Check, key: str) -> str:
+    try:
+        return str(json.loads(read_key(check.files, key) or b"").get("node_type"))
+    except (ValueError, AttributeError):
+        return ""
+
+
+def _check_files(check: _Check, keys: list[str], layout: Layout, n: int) -> None:
+    """Every file must belong to something."""
+    check.expected |= {chunk_key(name, i, 0) for name in TABLES for i in range(layout.n_table_chunks)}
     for key in keys:
-        if key in check.expected or key.endswith(PARTIAL):
+        if key in check.expected or key.endswith(PARTIAL) or _may_be_pending(layout, key, n):
             continue
-        name, _, last = key.partition("/")
-        i = last.removeprefix(f"c{CHUNK_KEY_SEPARATOR}").partition(CHUNK_KEY_SEPARATOR)[0]
-        if name in pending and is_chunk_key(key) and i.isdigit() and n_committed <= int(i) < layout.n_candidates:
-            continue
-        check.add("unknown", f"{key} does not belong to this store")
+        check.add("unknown", f"{key} does not belong to this store", key=key)
+
+
+def _may_be_pending(layout: Layout, key: str, n: int) -> bool:
+    """True for a chunk of a block of candidates that are not committed yet."""
+    parts = key.split("/")
+    if len(parts) != 3 or parts[0] not in {stage.name for stage in layout.stages}:
+        return False
+    stage = layout.stage(parts[0])
+    i, j = _indices(key)[:2]
+    inside = layout.committed_of(stage, n) <= i * stage.block_candidates < stage.n_candidates
+    return inside and 0 <= j < stage.n_block_switches and key in set(block_keys(layout, stage.name, i, j))
 
 
 def _is_plain_group(content: bytes | None) -> bool:
@@ -349,4 +400,4 @@ def _is_plain_group(content: bytes | None) -> bool:
         document = json.loads(content or b"")
     except ValueError:
         return False
-    return bool(document == {"attributes": {}, "zarr_format": 3, "node_type": "group"})
+    return bool(document == PLAIN_GROUP)

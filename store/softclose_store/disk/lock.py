@@ -16,9 +16,9 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from softclose_store.errors import LockedError
 from softclose_store.disk.files import StorePath, delete_key, local_path, normalised, open_files, read_key, write_key
 from softclose_store.disk.processes import boot_id, process_is_alive, process_start
+from softclose_store.errors import LockedError
 
 LOCK_KEY = "digests/driver.lock"
 """Inside an array's folder: Zarr looks for members in groups only, and warns of files that it does not know there."""

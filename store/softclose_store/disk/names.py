@@ -10,8 +10,8 @@ import re
 from softclose_store.errors import DamageError
 
 CHUNK_KEY_SEPARATOR = "."
-"""Between the indices in a chunk's key: `c.3.0.0`. With zarr's `c/3/0/0` every chunk makes up to three folders an array,
-which cost more than its small files."""
+"""Between the indices in a chunk's key: `c.3.0.0`. With zarr's `c/3/0/0` every chunk makes up to three folders an
+array, which cost more than its small files."""
 
 PARTIAL = ".partial"
 """Suffix of a file that is being written; a kill leaves it behind, and nothing reads it."""

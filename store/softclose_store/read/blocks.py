@@ -69,4 +69,6 @@ class BlockReader:
 
 def markers_digest(markers: NDArray[np.uint64], i_candidate: int) -> int:
     """Digest of the markers of a candidate's blocks, (n_blocks, n_markers): ties its record to its data."""
-    return keyed_digest(f"markers|{i_candidate}|{markers.shape}", [np.ascontiguousarray(markers, dtype="<u8").tobytes()])
+    return keyed_digest(
+        f"markers|{i_candidate}|{markers.shape}", [np.ascontiguousarray(markers, dtype="<u8").tobytes()]
+    )

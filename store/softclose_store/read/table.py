@@ -35,7 +35,7 @@ N_WALL = len(WALL) - 1
 
 
 class Table:
-    """All per-candidate values of a store: `n` rows of each table, those that were never written full of fill values."""
+    """All per-candidate values of a store: `n` rows of each table, what was never written full of fill values."""
 
     def __init__(self, layout: Layout, n: int) -> None:
         self.layout = layout
@@ -96,8 +96,8 @@ class Table:
 
     def _damage(self, where: str, name: str, rows: slice, e: Exception) -> DamageError:
         return DamageError(
-            f"candidates {rows.start} to {rows.stop - 1} in {name} of {where} cannot be read ({type(e).__name__}: {e}): "
-            "run `softclose verify --repair`"
+            f"candidates {rows.start} to {rows.stop - 1} in {name} of {where} cannot be read ({type(e).__name__}: {e})"
+            ": run `softclose verify --repair`"
         )
 
     def chunks_of(self, n: int) -> int:

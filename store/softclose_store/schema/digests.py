@@ -40,9 +40,7 @@ def keyed_digest(key: str, parts: Iterable[bytes | memoryview]) -> int:
     return state.intdigest() or 1
 
 
-def block_digest(
-    stage: str, name: str, i_block: int, j_block: int, proposals: int, values: NDArray[Any]
-) -> int:
+def block_digest(stage: str, name: str, i_block: int, j_block: int, proposals: int, values: NDArray[Any]) -> int:
     """Digest of one array of a block, keyed with where it belongs. values: C-contiguous, little-endian."""
     key = f"{stage}|{name}|{i_block}|{j_block}|{proposals}|{values.dtype.str}|{values.shape}"
     state = xxhash.xxh3_64(key.encode())

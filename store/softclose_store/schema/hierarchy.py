@@ -87,7 +87,9 @@ BLOCK_SPECS = {
     s.name: s
     for s in (
         _spec("block", "response", f"{_CST} quantity", "f8", "see quantity_unit", "what is kept of a switch"),
-        _spec("block", "impact", f"{_CST} event impact_quantity", "f8", "µs, µm/µs", "time and speed of the first impacts"),
+        _spec(
+            "block", "impact", f"{_CST} event impact_quantity", "f8", "µs, µm/µs", "time and speed of the first impacts"
+        ),
         _spec("block", "x", f"{_CST} time", "f4", "µm", "travel x(t)"),
         _spec("block", "v", f"{_CST} time", "f4", "µm/µs", "velocity v(t)"),
     )
@@ -256,7 +258,9 @@ HYPERPARAMETER = "hyperparameter"
 
 
 def _create_hyperparameters(group: zarr.Group) -> None:
-    names = _texts(HYPERPARAMETER, [""] * N_SURROGATE, "columns of surrogate, in the order in which they were first used")
+    names = _texts(
+        HYPERPARAMETER, [""] * N_SURROGATE, "columns of surrogate, in the order in which they were first used"
+    )
     _create_static(group, HYPERPARAMETER, names)
 
 
@@ -264,7 +268,7 @@ def _create_table(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
     columns = {"field": len(layout.fields), "word": len(WORDS), "wall_time": len(WALL)}
     columns |= {"hyperparameter": N_SURROGATE, "digest": len(DIGESTS)}
     n = columns[spec.dims[1]]
-    attributes = {"units": spec.unit, "long_name": spec.long_name}
+    attributes: dict[str, Any] = {"units": spec.unit, "long_name": spec.long_name}
     if spec.name == "records":
         attributes["coordinates"] = "field_unit field_long_name"
     is_text = spec.dtype == "str"

@@ -12,10 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose_store.errors import LayoutError, RecordError, SchemaError
-from softclose_store.schema.fields import IMPACT_QUANTITIES, PARAMETERS, QUANTITIES, SCHEMA_VERSION, Field, number_fields
+from softclose_store.schema.fields import (
+    IMPACT_QUANTITIES,
+    PARAMETERS,
+    QUANTITIES,
+    SCHEMA_VERSION,
+    Field,
+    number_fields,
+)
 
 MAX_BLOCKS = 256
-"""Most blocks along the switches of a stage: bounds the number of files a candidate, whatever the number of switches."""
+"""Most blocks along the switches of a stage: bounds the files a candidate, whatever the number of switches."""
 
 MAX_INNER = 8192
 """Most trajectories in one inner Zarr chunk, the unit of partial reads: 33 MB of x at 1,001 points, 15 ms to decode.
@@ -56,9 +63,9 @@ class StageLayout:
         object.__setattr__(self, "block_switches", min(self.block_switches, self.n_switches))
         if self.n_block_switches > MAX_BLOCKS:
             raise LayoutError(
-                f"blocks of {self.block_switches} switches cut the {self.n_switches} switches of stage {self.name} into "
-                f"{self.n_block_switches} blocks; at most {MAX_BLOCKS} are allowed, so that the number of files stays "
-                f"bounded: use blocks of {math.ceil(self.n_switches / MAX_BLOCKS)} switches or more"
+                f"blocks of {self.block_switches} switches cut the {self.n_switches} switches of stage {self.name} "
+                f"into {self.n_block_switches} blocks; at most {MAX_BLOCKS} are allowed, so that the number of files "
+                f"stays bounded: use blocks of {math.ceil(self.n_switches / MAX_BLOCKS)} switches or more"
             )
         self.inner  # noqa: B018 - raises where a block cannot be cut
 
@@ -108,8 +115,8 @@ class StageLayout:
         if switches < MIN_INNER:
             n = self.block_switches
             raise LayoutError(
-                f"block_switches of stage {self.name} is {n}, which has no divisor between {MIN_INNER} and {MAX_INNER}; "
-                f"use a multiple of {MIN_INNER}, for example {math.ceil(n / MIN_INNER) * MIN_INNER}"
+                f"block_switches of stage {self.name} is {n}, which has no divisor between {MIN_INNER} and "
+                f"{MAX_INNER}; use a multiple of {MIN_INNER}, for example {math.ceil(n / MIN_INNER) * MIN_INNER}"
             )
         return 1, switches
 
@@ -268,9 +275,8 @@ def check_schema(version: Any, where: str) -> None:
         raise SchemaError(f"{where} has schema version {version!r}, which no softclose writes: is it damaged?")
     if version < SCHEMA_VERSION:
         raise SchemaError(
-            f"{where} has schema version {version}, of softclose 0.1; this version of softclose reads {SCHEMA_VERSION}: "
-            "read the store with softclose 0.1 (pip install 'softclose<0.2'), or run its configuration again into "
-            "another path"
+            f"{where} has schema version {version}, which softclose 0.1 wrote; this version of softclose reads "
+            f"{SCHEMA_VERSION}: read the store with softclose 0.1, or run its configuration again into another path"
         )
     if version > SCHEMA_VERSION:
         raise SchemaError(

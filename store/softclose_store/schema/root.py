@@ -169,8 +169,8 @@ def read_root(files: Store, where: str) -> Root:
         )
     if begun:
         raise StoreMissingError(
-            f"{where} holds an unfinished creation of a store (no zarr.json at its root, and no data): nothing is lost, "
-            "delete it and run again"
+            f"{where} holds an unfinished creation of a store (no zarr.json at its root, and no data): nothing is "
+            "lost, delete it and run again"
         )
     raise StoreMissingError(f"there is no campaign at {where}: check the path, or start one with `softclose run`")
 

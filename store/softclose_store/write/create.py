@@ -204,9 +204,9 @@ def store_state(path: StorePath) -> StoreState:
 def other_algorithm(where: str, stored: str, given: str) -> str:
     """Why a campaign is not continued by other algorithms than it was begun with."""
     return (
-        f"{where} was begun with version {stored!r} of the algorithms, this program has {given!r}: what it would propose "
-        "now does not follow from what is stored; finish it with the softclose that began it (group runtime), or run "
-        "its configuration again into another path"
+        f"{where} was begun with version {stored!r} of the algorithms, this program has {given!r}: what it would "
+        "propose now does not follow from what is stored; finish it with the softclose that began it (group runtime), "
+        "or run its configuration again into another path"
     )
 
 

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from softclose_store import faults
 from softclose_store.disk.files import StorePath, normalised, open_files, write_key
 from softclose_store.disk.lock import DriverLock
-from softclose_store.disk.loop import run_here
 from softclose_store.errors import DamageError, OtherAlgorithmError, OtherConfigurationError, RecordError
 from softclose_store.read.arrays import layout_of, open_arrays, switches_of
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.table import PROPOSAL, RECORD, Table
 from softclose_store.schema.digests import canonical_json, proposals_digest
-from softclose_store.schema.fields import N_SURROGATE
 from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.root import RUNTIME_KEY, Root, read_root, runtime_text, write_root
@@ -34,6 +32,7 @@ from softclose_store.write.rows import (
     set_proposal,
     set_result,
     set_timings,
+    write_hyperparameters,
     write_rows,
 )
 
@@ -142,7 +141,7 @@ class DriverStore:
     def blocks_done(
         self, stage: str, blocks: Sequence[Block], proposals_digests: Sequence[int], *, check: bool = True
     ) -> list[bool]:
-        """For each block: whether it is stored, of candidates with these proposals (one digest a block, in their order).
+        """For each block: whether it is stored, of candidates with these proposals (one digest a block, in order).
 
         With `check` the data of every marked block is read and compared: after a loss of power a marker may have
         reached the disk and its data not.
@@ -199,7 +198,9 @@ class DriverStore:
             self._forget(start, stop)
             raise
         faults.point("before-record")
-        self._write_hyperparameters(hyperparameters)
+        if hyperparameters != self._hyperparameters:
+            write_hyperparameters(self._arrays, self._files, hyperparameters)
+            self._hyperparameters = hyperparameters
         write_rows(self._table, self._files, self._arrays, start, stop)
         faults.point("after-record")
         faults.point("before-commit")
@@ -219,7 +220,9 @@ class DriverStore:
             check_waveform(self.layout, row)
         sizes = {int(row["n_switches"]) for row in rows}
         if len(sizes) > 1:
-            raise RecordError(f"the candidates of a wave have {sorted(sizes)} switches; one wave has one number of them")
+            raise RecordError(
+                f"the candidates of a wave have {sorted(sizes)} switches; one wave has one number of them"
+            )
         n_switches = sizes.pop()
         blocks = self.layout.wave_blocks(start, len(rows), n_switches)
         if set(blocks) != set(markers):
@@ -247,13 +250,6 @@ class DriverStore:
         empty = Table(self.layout, stop - start)
         for name in TABLES:
             getattr(self._table, name)[start:stop] = getattr(empty, name)
-
-    def _write_hyperparameters(self, names: list[str]) -> None:
-        if names == self._hyperparameters:
-            return
-        padded = np.array([*names, *[""] * (N_SURROGATE - len(names))], dtype=np.dtypes.StringDType())
-        run_here(self._arrays[HYPERPARAMETER].setitem(slice(None), padded), self._files)
-        self._hyperparameters = names
 
     def note_run(self, runtime: Mapping[str, Any]) -> None:
         """Add who runs the campaign now, and where, to the group `runtime` (not part of the campaign's identity)."""

@@ -16,7 +16,7 @@ from softclose_store.disk.loop import run_here
 from softclose_store.errors import RecordError
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
 from softclose_store.schema.fields import N_SURROGATE, N_SWITCHES, PARAMETERS, RESULTS, WALL, WORDS, Field
-from softclose_store.schema.hierarchy import TABLES
+from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
 from softclose_store.schema.layout import Layout
 
 PROPOSED = ("waveform", "n_switches", "origin", "note", "surrogate")
@@ -148,3 +148,9 @@ def write_rows(table: Table, files: Store, arrays: Mapping[str, zarr.AsyncArray[
                 await arrays[name].setitem((rows, slice(None)), values[rows])
 
     run_here(write(), files)
+
+
+def write_hyperparameters(arrays: Mapping[str, zarr.AsyncArray[Any]], files: Store, names: Sequence[str]) -> None:
+    """Write the names of the surrogate's columns."""
+    padded = np.array([*names, *[""] * (N_SURROGATE - len(names))], dtype=np.dtypes.StringDType())
+    run_here(arrays[HYPERPARAMETER].setitem(slice(None), padded), files)
