@@ -196,6 +196,21 @@ def test_everything_that_listens_listens_on_loopback(tmp_path: Path) -> None:
     assert listening == {"127.0.0.1"}
 
 
+def test_a_stranger_on_the_same_machine_is_refused_by_the_local_cluster() -> None:
+    from distributed import Client
+
+    from softclose_workflows.run.executors.dask import local_cluster
+
+    with local_cluster(1, 30.0) as executor:
+        address = executor._client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        with pytest.raises(OSError, match="closed"):
+            Client(address.replace("tls://", "tcp://"), timeout=5)
+        with pytest.raises((OSError, TypeError)):  # TLS, but without the run's certificate
+            Client(address, timeout=5)
+        assert executor.n_workers == 1
+
+
 def test_an_engine_that_fails_is_replaced_and_the_record_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

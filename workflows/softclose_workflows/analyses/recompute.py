@@ -119,7 +119,7 @@ def _rows_of(waveform: NDArray[np.float64]) -> NDArray[np.float64]:
 def recompute() -> Recompute:
     """How to compute again whatever a store holds."""
     return Recompute(
-        population=_population, times_us=_times, proposals=_proposals, block=_block, record=_record, group=_group
+        population=_population, times_us=_times, waves=_waves, proposals=_proposals, block=_block, record=_record
     )
 
 
@@ -131,8 +131,12 @@ def _times(config: Mapping[str, Any]) -> NDArray[np.float64]:
     return times_us(CampaignConfig.from_dict(config))
 
 
-def _proposals(store: DriverStore, start: int, size: int | None) -> Sequence[Mapping[str, Any]]:
-    """The wave that begins at `start`; its size follows from the configuration."""
+def _waves(config: Mapping[str, Any]) -> list[int]:
+    return [wave.size for wave in plan(Problem(CampaignConfig.from_dict(config)))]
+
+
+def _proposals(store: DriverStore, start: int, size: int) -> Sequence[Mapping[str, Any]]:
+    """The wave that begins at `start`."""
     problem = Problem(CampaignConfig.from_dict(store.config))
     wave = next(w for w in plan(problem) if w.start == start)
     history = records.observations({name: values[:start] for name, values in store.records().items()})

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 
 from softclose.config import CampaignConfig
-from softclose.propose.plan import Wave
+from softclose.propose.protocol import Wave
 from softclose_store import StageLayout
 
 

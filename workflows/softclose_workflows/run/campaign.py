@@ -6,6 +6,7 @@ whole. Nothing outside the store carries state from one wave to the next.
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections import Counter
@@ -13,9 +14,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from softclose.config import CampaignConfig
-from softclose.propose.plan import Wave, plan
+from softclose.plugins import EngineError
+from softclose.propose.origins import FALLBACK
+from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
-from softclose.propose.protocol import Observation, Problem
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.waveform import Waveform
 from softclose_store import DriverStore
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import records
@@ -24,6 +28,9 @@ from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
 from softclose_workflows.run.flight import Flight, Place, plan_tasks, recovered
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import BlockResult, BlockTask
+
+MOST_FALLBACKS = 5
+"""Candidates in a row that an engine may fail to propose before the run stops: it would end as another engine's."""
 
 POLL_S = 0.5
 """How often the driver looks up from waiting: for a stop request, for lost workers [s]."""
@@ -121,7 +128,7 @@ class Driver:
         seen = [o for o in self._history if o.wave < wave.sees]
         pending = [o.waveform for o in self._history[len(seen) :]]
         pending += [p.waveform for w in sorted(self._flights) for p in self._flights[w].proposals]
-        proposals = self._proposer.propose(wave, seen, pending)
+        proposals = self._ask(wave, seen, pending)
         proposed = time.perf_counter()
         tasks = plan_tasks(
             wave, proposals, self.store.layout, store=self.store.path, fingerprint=self.store.fingerprint
@@ -131,6 +138,24 @@ class Driver:
         self.spent.propose += proposed - began
         self.spent.dispatch += time.perf_counter() - proposed
         return flight
+
+    def _ask(self, wave: Wave, seen: Sequence[Observation], pending: Sequence[Waveform]) -> Sequence[Proposal]:
+        """The proposals of a wave. What is no failure of the engine's own is the machine's fault, and stops the run."""
+        try:
+            proposals = self._proposer.propose(wave, seen, pending)
+        except EngineError:
+            raise
+        except Exception as e:
+            raise Stopped(f"wave {wave.index} could not be proposed ({type(e).__name__}: {e})") from e
+        if all(p.origin == FALLBACK for p in proposals):
+            earlier = itertools.takewhile(lambda o: o.origin == FALLBACK, reversed(seen))
+            in_a_row = len(proposals) + sum(1 for _ in earlier)
+            if in_a_row >= MOST_FALLBACKS:
+                raise Stopped(
+                    f"the engine failed {in_a_row} times in a row, at last: {proposals[-1].note}; mend it, or choose "
+                    "another optimiser.engine"
+                )
+        return proposals
 
     def _recover(self, flight: Flight) -> None:
         """Take over the blocks that are stored under these very proposals."""

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
-from softclose.propose.plan import Wave
-from softclose.propose.protocol import Proposal
+from softclose.propose.protocol import Proposal, Wave
 from softclose_store import Layout, assessed_digest, proposals_digest
 from softclose_workflows.run import records
 from softclose_workflows.run.tasks import BlockResult, BlockTask, Rows

@@ -117,7 +117,7 @@ class DaskExecutor:
         if future.status == "finished":
             result: BlockResult = future.result(timeout=self._patience_s)
             return result
-        failure = future.exception() if future.status == "error" else None
+        failure: BaseException | None = future.exception() if future.status == "error" else None
         if isinstance(failure, KilledWorker):
             return Stopped(
                 f"{task.name} killed {MAX_TRIES + 1} workers in a row: too little memory for a block "
@@ -177,13 +177,16 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     _configure()
     from distributed import Client, LocalCluster
 
-    # Everything listens on loopback: a laptop in a café is no place for an open scheduler.
+    # Everything listens on loopback, and speaks TLS with certificates made for this run alone: whoever reaches a
+    # scheduler runs code as its user, and other users of this machine reach its loopback (docs/explanation/security.md).
     with (
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
+            protocol="tls://",
+            security=True,
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address=None,
             silence_logs=SILENT,
