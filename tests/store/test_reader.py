@@ -39,9 +39,7 @@ def test_xarray_alone_labels_the_table_of_records_with_names_units_and_meanings(
     assert all(data.field_long_name.values)
     assert list(data.words.sel(word="origin").values) == ["sobol"] * 7
     assert data.words.sel(word="note").values[1] == "größer"
-    assert_array_equal(
-        data.surrogate.sel(hyperparameter="noise"), [np.nan, 0.1, np.nan, 0.1 * 3, np.nan, 0.5, np.nan]
-    )
+    assert_array_equal(data.surrogate.sel(hyperparameter="noise"), [np.nan, 0.1, np.nan, 0.1 * 3, np.nan, 0.5, np.nan])
     assert (data.wall_times.sel(wall_time="wall_propose_s") == 0.5).all()
     assert {name: data[name].attrs["units"] for name in "DGETKM"} == {
         "D": "µm",
