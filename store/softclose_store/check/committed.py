@@ -46,8 +46,8 @@ def remains(files: Store, layout: Layout, keys: Collection[str], where: str) -> 
     said: tuple[NDArray[Any], ...] = (
         written,
         np.asarray(table.words[:, ORIGIN] != ""),
-        np.isfinite(table.records).any(axis=1),
-        np.isfinite(table.wall_times).any(axis=1),
+        np.asarray(np.isfinite(table.records).any(axis=1)),
+        np.asarray(np.isfinite(table.wall_times).any(axis=1)),
     )
     n = max(_last(rows) for rows in said)
     kept = any(chunk_key(name, i, 0) in keys and (name, i) not in table.damaged for name in TABLES for i in [i_chunk])

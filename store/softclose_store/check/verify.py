@@ -313,12 +313,12 @@ def _check_block(check: _Check, reader: BlockReader, block: BlockOf, proposals: 
 
 def _check_pending(check: _Check, reader: BlockReader, layout: Layout, stage: StageLayout, n_stage: int) -> None:
     """Blocks that are marked and not committed: a run that was killed goes on from them."""
-    prefix = chunk_key(f"{stage.name}/{MARKER.name}") + CHUNK_KEY_SEPARATOR
+    prefix = f"{stage.name}/{MARKER.name}/"
     for key in sorted(check.keys):
-        if key.startswith(prefix):
-            i, j = _indices(key)[:2]
-            if n_stage <= i * stage.block_candidates < stage.n_candidates and 0 <= j < stage.n_block_switches:
-                _check_block(check, reader, (stage.name, i, j), None, "pending")
+        i, j = _indices(key)[:2] if key.startswith(prefix) else (-1, -1)
+        inside = n_stage <= i * stage.block_candidates < stage.n_candidates and 0 <= j < stage.n_block_switches
+        if inside and key == chunk_key(prefix.rstrip("/"), i, j, 0):
+            _check_block(check, reader, (stage.name, i, j), None, "pending")
 
 
 def _indices(key: str) -> list[int]:

@@ -216,7 +216,7 @@ class DriverStore:
         if not rows:
             raise RecordError("a wave has at least one candidate")
         for row in rows:
-            check_names(row, (*PROPOSED, *ASSESSED, *TIMED))
+            check_names(row, PROPOSED | ASSESSED | TIMED)
             check_waveform(self.layout, row)
         sizes = {int(row["n_switches"]) for row in rows}
         if len(sizes) > 1:

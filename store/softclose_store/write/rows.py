@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import Any
 
 import numpy as np
@@ -19,21 +19,20 @@ from softclose_store.schema.fields import N_SURROGATE, N_SWITCHES, PARAMETERS, R
 from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
 from softclose_store.schema.layout import Layout
 
-PROPOSED = ("waveform", "n_switches", "origin", "note", "surrogate")
+PROPOSED = frozenset(("waveform", "n_switches", "origin", "note", "surrogate"))
 """What a proposal says."""
-ASSESSED = ("failure", *(field.name for field in RESULTS))
+ASSESSED = frozenset(("failure", *(field.name for field in RESULTS)))
 """What an assessment says."""
-TIMED = tuple(field.name for field in WALL[:N_WALL])
+TIMED = frozenset(field.name for field in WALL[:N_WALL])
 """What the clock says."""
 
 
-def check_names(row: Mapping[str, Any], allowed: Sequence[str]) -> None:
+def check_names(row: Mapping[str, Any], allowed: Set[str]) -> None:
     """Raise RecordError for a name that a row may not have."""
-    for name in row:
-        if name not in allowed:
-            near = difflib.get_close_matches(name, allowed, n=1)
-            hint = f"; did you mean {near[0]}?" if near else f"; known are {', '.join(allowed)}"
-            raise RecordError(f"a row has no field {name!r}{hint}")
+    for name in row.keys() - allowed:
+        near = difflib.get_close_matches(name, sorted(allowed), n=1)
+        hint = f"; did you mean {near[0]}?" if near else f"; known are {', '.join(sorted(allowed))}"
+        raise RecordError(f"a row has no field {name!r}{hint}")
 
 
 def set_proposal(table: Table, i: int, row: Mapping[str, Any], hyperparameters: list[str]) -> int:
@@ -110,6 +109,8 @@ def _set_words(table: Table, i: int, row: Mapping[str, Any], part: str) -> None:
 
 
 def _number(field: Field, value: Any) -> float:
+    if field.type == "float" and type(value) is float:  # most of them: a wave has thousands
+        return value
     try:
         if isinstance(value, str) or np.ndim(value) != 0:
             raise TypeError
