@@ -275,13 +275,22 @@ def _check_row_of_blocks(check: _Check, table: Table, reader: BlockReader, stage
     damaged = {p.candidate for p in check.problems if p.kind in ("proposal", "record")}
     intact = [k for k in candidates if k not in damaged]
     # A damaged proposal does not say what the blocks should be of: their markers are believed, and compared with the
-    # records of the others.
+    # records of the others. Where none is intact, not even their number is known: those that are there are checked.
     proposals, n_switches = table.block_proposals(stage, i)
     trusted = len(intact) == len(candidates)
     if not trusted:
-        n_switches = max((table.n_switches(k) for k in candidates), default=0) or stage.n_switches
+        n_switches = max((table.n_switches(k) for k in intact), default=0)
+    columns = [
+        j
+        for j in range(stage.n_block_switches)
+        if (
+            j < stage.blocks_of(n_switches)
+            if n_switches
+            else check.keys & set(block_keys(table.layout, stage.name, i, j))
+        )
+    ]
     before = len(check.problems)
-    for j in range(stage.blocks_of(n_switches)):
+    for j in columns:
         block = (stage.name, i, j)
         keys = list(block_keys(table.layout, *block))
         check.expected |= set(keys)
@@ -291,7 +300,7 @@ def _check_row_of_blocks(check: _Check, table: Table, reader: BlockReader, stage
         _check_block(check, reader, block, proposals if trusted else None, "block")
     if len(check.problems) > before or not intact:
         return
-    markers = np.stack([reader.marker(stage.name, i, j) for j in range(stage.blocks_of(n_switches))])
+    markers = np.stack([reader.marker(stage.name, i, j) for j in columns])
     for k in intact:
         if markers_digest(markers, k) != int(table.digests[k, MARKERS]):
             for j in range(len(markers)):
