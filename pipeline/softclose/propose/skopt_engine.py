@@ -160,21 +160,16 @@ def _acquire(
         candidates[:n_near] = centre + (candidates[:n_near] - centre) * moved * step
 
     def admissible(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        points, fits = space.settle(points)
-        points = points[fits]
-        if not len(points):
-            return points, np.zeros(0)
+        points = space.canonical(points)
         return points, np.asarray(gaussian_ei(surrogate_inputs(problem, points), model, target, xi=0.0))
 
     candidates, score = admissible(candidates)
-    if not len(candidates):
-        raise ValueError("no admissible candidate in the trust region")
     for step_length in STEPS:
         best = candidates[np.argsort(-score, kind="stable")[:N_REFINED]].repeat(N_AROUND, axis=0)
         away = rng.standard_normal(best.shape) * (rng.random(best.shape) < 0.5)
         around, gain = admissible(np.clip(best + step_length * (high - low) * away, low, high))
         candidates, score = np.concatenate([candidates, around]), np.concatenate([score, gain])
-    finals = np.array([space.canonical(c) for c in candidates[np.argsort(-score, kind="stable")[:N_FINAL]]])
+    finals = candidates[np.argsort(-score, kind="stable")[:N_FINAL]]
     inputs = surrogate_inputs(problem, finals)
     values = gaussian_ei(inputs, model, target, xi=0.0)
     distance = np.sqrt(((finals[:, None, :] - data.points[None]) ** 2).sum(axis=2)).min(axis=1)
