@@ -22,6 +22,9 @@ from softclose.waveform import MIN_RISE_US, Waveform
 
 SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
 
+MOST_IN_A_WAVE = 4096
+"""Candidates of a wave at most: what a kill may lose, and what a driver holds in memory."""
+
 Count = Annotated[int, Field(ge=1, strict=True)]
 Positive = Annotated[float, Field(gt=0)]
 Probability = Annotated[float, Field(gt=0, lt=1)]
@@ -39,10 +42,12 @@ class CampaignSection:
     """A title for tables and reports."""
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 1
     """Key of every random number: the ensemble and the proposals."""
-    budget: Count = 150
-    """Candidates proposed by the engine, `waveform.initial` included."""
-    lag: Count = 1
-    """Candidates in flight at once: proposal i waits for candidate i - lag and sees nothing newer."""
+    budget: Annotated[int, Field(ge=0, strict=True)] = 150
+    """Candidates of the search, `waveform.initial` included; 0 leaves it out."""
+    wave: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 1
+    """Candidates proposed together by an engine that proposes one at a time."""
+    lag: Annotated[int, Field(ge=1, le=64, strict=True)] = 1
+    """Waves of the search in flight at once: wave w waits for wave w - lag and sees nothing newer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -139,8 +144,10 @@ class OptimiserSection:
 
     engine: Annotated[str, Field(min_length=1)] = "skopt"
     """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
-    n_initial: Annotated[int, Field(ge=2, strict=True)] = 20
-    """Space-filling candidates before the surrogate proposes."""
+    n_initial: Annotated[int, Field(ge=2, le=MOST_IN_A_WAVE, strict=True)] = 20
+    """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
+    batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4
+    """Candidates that the surrogate proposes together, a wave."""
     n_restart: Annotated[int, Field(ge=2, strict=True)] = 8
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
     fresh_every: Count = 1
@@ -172,6 +179,26 @@ class OptimiserSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ExploreSection:
+    """Exploring: CMA-ES descents from several points, on the search's ensemble, by successive halving."""
+
+    budget: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Candidates of the descents; 0 leaves them out."""
+    n_descents: Annotated[int, Field(ge=1, le=64, strict=True)] = 4
+    """Descents begun; the better half goes on after each round. The first begins at the best of the search."""
+    generation: Annotated[int, Field(ge=4, le=256, strict=True)] = 20
+    """Candidates of one descent in one wave, in polishing too."""
+    n_scouts: Annotated[int, Field(ge=1, le=256, strict=True)] = 40
+    """Space-filling candidates of each descent; it begins at the best of them."""
+    sigma: Annotated[float, Field(gt=0, le=0.5)] = 0.12
+    """Size of a descent's first steps, in units of the search cube."""
+    rounds: Annotated[int, Field(ge=1, le=16, strict=True)] = 2
+    """Rounds of equal budgets; after each the better half of the descents goes on."""
+    turns: Annotated[int, Field(ge=1, le=64, strict=True)] = 2
+    """Sets of descents that take turns: waves in flight at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class FinishSection:
     """The finishing stage: further candidates on larger ensembles."""
 
@@ -179,18 +206,16 @@ class FinishSection:
     """Candidates of the finishing stage; 0 leaves it out."""
     n_switches: Count = 2000
     """Switches per candidate of the finishing stage."""
-    explore: Annotated[int, Field(ge=0, strict=True)] = 0
-    """Of `budget`, candidates spent first on CMA-ES descents, on the search's own ensemble."""
-    n_descents: Count = 6
-    """Descents begun, the first from the best of the search; the better half goes on after each third of `explore`."""
-    n_basins: Count = 8
-    """Distinct basins of the search that are evaluated again, best first."""
+    n_basins: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 8
+    """Distinct basins found so far that are evaluated again, best first, one wave."""
+    n_polished: Annotated[int, Field(ge=1, le=64, strict=True)] = 2
+    """Basins whose polish begins (cmaes); the better half goes on after each round of equal budgets."""
     distance: Annotated[float, Field(gt=0, le=1)] = 0.1
     """Largest coordinate distance in the search cube below which two candidates are one basin."""
-    method: Literal["surrogate", "cmaes", "nelder-mead"] = "surrogate"
-    """How the best basin is polished."""
-    sigma: Annotated[float, Field(gt=0, le=0.5)] = 0.03
-    """Size of the first steps of the polish, in units of the search cube."""
+    method: Literal["surrogate", "cmaes", "nelder-mead"] = "cmaes"
+    """How the best basins are polished: cmaes takes a few hundred candidates, surrogate suits costly ones."""
+    sigma: Annotated[float, Field(gt=0, le=0.5)] = 0.02
+    """Size of the first steps of the polish, at least, in units of the search cube."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -238,6 +263,7 @@ class CampaignConfig:
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
     optimiser: OptimiserSection = Field(default_factory=OptimiserSection)
+    explore: ExploreSection = Field(default_factory=ExploreSection)
     finish: FinishSection = Field(default_factory=FinishSection)
     compute: ComputeSection = Field(default_factory=ComputeSection)
     store: StoreSection = Field(default_factory=StoreSection)
@@ -261,6 +287,17 @@ class CampaignConfig:
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
                 f"{self.campaign.budget}: raise the budget or shorten the list"
             )
+        if not self.campaign.budget + self.explore.budget:
+            raise ValueError(
+                "campaign.budget and explore.budget are both 0: there is nothing to evaluate; raise one of them"
+            )
+        x = self.explore
+        largest = math.ceil(x.n_descents / x.turns) * max(x.n_scouts, x.generation)
+        if largest > MOST_IN_A_WAVE:
+            raise ValueError(
+                f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
+                f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
+            )
         self._choose_blocks()
         n, block = self.n_switches_max, self.compute.block_switches
         if math.ceil(n / block) > MAX_BLOCKS:
@@ -273,8 +310,8 @@ class CampaignConfig:
 
     @property
     def total_budget(self) -> int:
-        """Candidates of the search and of the finishing stage."""
-        return self.campaign.budget + self.finish.budget
+        """Candidates of all stages."""
+        return self.campaign.budget + self.explore.budget + self.finish.budget
 
     @property
     def n_switches_max(self) -> int:
@@ -330,6 +367,7 @@ _SECTIONS = (
     WaveformSection,
     ObjectiveSection,
     OptimiserSection,
+    ExploreSection,
     FinishSection,
     ComputeSection,
     StoreSection,
