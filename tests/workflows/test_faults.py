@@ -80,6 +80,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
                 process.wait()
 
 
+@pytest.mark.slow
 def test_a_chunk_that_kills_every_worker_fails_its_candidate_and_the_campaign_goes_on(tmp_path: Path) -> None:
     """Each worker dies at its first marker; `campaign.budget` shows that the second candidate was tried too."""
     store = tmp_path / "a.zarr"
@@ -94,6 +95,7 @@ def test_a_chunk_that_kills_every_worker_fails_its_candidate_and_the_campaign_go
     assert json.loads(softclose("status", str(store), "--json").stdout)["failed"] == 2
 
 
+@pytest.mark.slow
 def test_a_campaign_on_an_existing_cluster_gives_the_same_store(tmp_path: Path, reference_store: Path) -> None:
     store = tmp_path / "a.zarr"
     with cluster(tmp_path) as (address, _, _):
@@ -102,6 +104,7 @@ def test_a_campaign_on_an_existing_cluster_gives_the_same_store(tmp_path: Path, 
     assert differences(reference_store, store) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("victim", ["worker", "scheduler"])
 def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
     victim: str, tmp_path: Path, reference_store: Path
@@ -119,6 +122,7 @@ def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
     assert differences(reference_store, store) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_first_signal_finishes_what_is_in_flight(
     number: signal.Signals, tmp_path: Path, reference_store: Path
