@@ -19,6 +19,8 @@ from typing import Any
 
 import click
 
+from softclose.moved import MOVED
+
 GENERATED = "<!-- Generated from the code by docs/reference_pages.py; changes here are lost. -->\n\n"
 
 
@@ -231,14 +233,29 @@ MODULES = {
 
 
 def api_page() -> str:
-    """Every public name of the two libraries: signature, docstring, fields."""
-    lines = ["# Python interface", ""]
+    """Every public name of the two libraries: signature, docstring, fields; then where old addresses lead."""
+    lines = [
+        "# Python interface",
+        "",
+        "Public is what these two packages export. Modules below them may move; the pages here import from some of "
+        "them where a name is not exported.",
+        "",
+    ]
     for module_name, purpose in MODULES.items():
         module = importlib.import_module(module_name)
         lines += [f"## {module_name}", "", purpose, ""]
         for name in module.__all__:
             if not name.startswith("__"):
                 _public(f"{module_name}.{name}", getattr(module, name), lines)
+    lines += [
+        "## Addresses of version 0.1",
+        "",
+        "Modules that documents had named, and where they are now. The old address still imports the very same module.",
+        "",
+        "| old | now |",
+        "| --- | --- |",
+        *(f"| `{old}` | `{now}` |" for old, now in sorted(MOVED.items())),
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -65,6 +65,7 @@ def launchers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", pages_with_code(), ids=lambda p: str(p.relative_to(ROOT)))
 def test_every_block_of_the_page_runs(
     page: Path, finished_store: Path, launchers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -138,6 +139,21 @@ def run_shell(block: Block, launchers: Path, folder: Path) -> None:
 def test_blocks_are_of_languages_that_are_run_or_plainly_output() -> None:
     unknown = [f"{b.where}: {b.language!r}" for p in PAGES for b in blocks(p) if b.language not in LANGUAGES]
     assert unknown == []
+
+
+def test_every_room_is_on_the_page_of_rooms_and_every_path_there_exists() -> None:
+    page = (DOCS / "explanation" / "rooms.md").read_text(encoding="utf-8")
+    sources = {p.parent: p for top in ("pipeline", "store", "workflows") for p in (ROOT / top).glob("*/__init__.py")}
+    parents = {package.name: package.parent for package in sources}
+    named = set(re.findall(r"`(softclose\w*(?:/[\w.]+)*)`", page))
+    assert [path for path in named if not (parents[path.partition("/")[0]] / path).exists()] == []
+    rooms = {f"{p.name}/{q.parent.name}" for p in sources for q in p.glob("*/__init__.py")}
+    assert sorted(rooms - named) == []
+
+
+def test_the_life_of_a_proposal_is_as_its_script_draws_it() -> None:
+    script = runpy.run_path(str(DOCS / "life_of_a_proposal.py"))
+    assert script["TARGET"].read_text(encoding="utf-8") == script["draw"]()
 
 
 def test_every_page_is_in_a_table_of_contents() -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import softclose
 import softclose_store
 from softclose import config
+from softclose.moved import MOVED
 from softclose_store.schema import fields, hierarchy
 from softclose_workflows.cli import main
 
@@ -54,6 +55,11 @@ def test_every_public_name_is_on_the_page() -> None:
     page = reference_pages.api_page()
     names = [f"{m.__name__}.{n}" for m in (softclose, softclose_store) for n in m.__all__ if not n.startswith("__")]
     assert [name for name in names if f"### `{name}`" not in page] == []
+
+
+def test_every_address_of_version_0_1_is_on_the_page() -> None:
+    page = reference_pages.api_page()
+    assert [old for old, now in MOVED.items() if f"| `{old}` | `{now}` |" not in page] == []
 
 
 @given(st.text(alphabet="ab *_[]<>|`\n{}$#\\"))

@@ -32,6 +32,7 @@ def wait_for_commits(store: Path, n: int, process: subprocess.Popen[bytes], time
     raise TimeoutError(f"{store} did not reach {n} candidates")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_store_does_not_depend_on_the_number_of_workers(
     workers: int, tmp_path: Path, reference_store: Path
@@ -42,6 +43,7 @@ def test_the_store_does_not_depend_on_the_number_of_workers(
     assert differences(reference_store, store) == []
 
 
+@pytest.mark.slow
 def test_a_killed_driver_is_resumed_to_the_same_store(tmp_path: Path, reference_store: Path) -> None:
     store = tmp_path / "a.zarr"
     process = subprocess.Popen(command(*run_arguments(store), "--workers", "2"), stderr=subprocess.DEVNULL)
@@ -54,6 +56,7 @@ def test_a_killed_driver_is_resumed_to_the_same_store(tmp_path: Path, reference_
     assert differences(reference_store, store) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("point", POINTS)
 def test_a_kill_at_any_durability_step_loses_nothing(point: str, tmp_path: Path, reference_store: Path) -> None:
     passage = 1 if point == "inside-creation" else 3

@@ -91,6 +91,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
                 process.wait()
 
 
+@pytest.mark.slow
 def test_a_block_that_kills_every_worker_stops_the_run_and_records_nothing(tmp_path: Path) -> None:
     """Each worker dies at its first marker: a fault of the machine, for all that the run can tell."""
     store = tmp_path / "a.zarr"
@@ -154,6 +155,7 @@ def test_a_fault_of_the_machine_is_tried_three_times_then_stops_the_run_and_reco
     assert softclose("verify", str(store)).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_campaign_on_an_existing_cluster_gives_the_same_store(tmp_path: Path, reference_store: Path) -> None:
     store = tmp_path / "a.zarr"
     with cluster(tmp_path) as (address, _, _):
@@ -162,6 +164,7 @@ def test_a_campaign_on_an_existing_cluster_gives_the_same_store(tmp_path: Path, 
     assert differences(reference_store, store) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("victim", ["worker", "scheduler"])
 def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
     victim: str, tmp_path: Path, reference_store: Path
@@ -179,6 +182,7 @@ def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
     assert differences(reference_store, store) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_first_signal_finishes_what_is_in_flight(
     number: signal.Signals, tmp_path: Path, reference_store: Path

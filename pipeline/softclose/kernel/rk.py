@@ -248,7 +248,7 @@ def _build(source: int) -> Callable[..., None]:
         v_out,
     ):
         """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k); outputs are rows of whole arrays."""
-        if source < 0:  # never: closes over the fingerprint, see _source.py
+        if source < 0:  # never: closes over the fingerprint, see source.py
             return
         stages = np.zeros((7, 2))
         for i in range(lo, hi):

@@ -1,6 +1,6 @@
 """Owns the fast kernel: Taylor series of order 16, contacts marched on the polynomial, bounces in closed form.
 
-`_rk.py` is its readable twin. The stepping never depends on which outputs are wanted, so that V and the rest are the
+`rk.py` is its readable twin. The stepping never depends on which outputs are wanted, so that V and the rest are the
 same bits with and without them: samples and impacts are read off what is computed anyway.
 """
 
@@ -317,7 +317,7 @@ def _build(source: int) -> Callable[..., None]:
         Samples go to x64 and v64, or to x32 and v32 where those have no columns: one compiled variant for both, so the
         metrics are the same bits whichever is asked for.
         """
-        if source < 0:  # never: closes over the fingerprint, see _source.py
+        if source < 0:  # never: closes over the fingerprint, see source.py
             return
         for i in range(lo, hi):
             row = i if times.shape[0] > 0 else 0

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from softclose_store.schema.fields import IMPACT_QUANTITIES, POPULATION, QUANTITIES, RECORDED
 
 from softclose_store import Campaign
+from softclose_store.schema.fields import IMPACT_QUANTITIES, POPULATION, QUANTITIES, RECORDED
 from softclose_workflows.exports.files import ExportError, whole_file
 
 if TYPE_CHECKING:
