@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig, load_config
+from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment
 from softclose_store import open_campaign
@@ -113,7 +113,7 @@ def _counted(response: Events, score: Score) -> FloatArray:
 
 def rescored_config(config: CampaignConfig, score: Score) -> CampaignConfig:
     """The campaign's configuration with the score's objective; raises ConfigError for a bad one."""
-    return load_config(config.to_dict(), [f"objective.{setting}" for setting in score.objective])
+    return config.revised(f"objective.{setting}" for setting in score.objective)
 
 
 def rescore(path: str, score: Score) -> list[Rescored]:
