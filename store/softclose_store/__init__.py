@@ -15,7 +15,7 @@ from softclose_store.errors import (
     StoreExistsError,
     StoreMissingError,
 )
-from softclose_store.groups import GroupArray, ResultGroup, list_groups, read_group, write_group
+from softclose_store.groups import GroupArray, ResultGroup, group_attributes, list_groups, read_group, write_group
 from softclose_store.layout import SCHEMA_VERSION, Layout
 from softclose_store.lock import lock_holder
 from softclose_store.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
@@ -49,6 +49,7 @@ __all__ = [
     "canonical_json",
     "create_campaign",
     "fingerprint_of",
+    "group_attributes",
     "list_groups",
     "lock_holder",
     "open_campaign",
