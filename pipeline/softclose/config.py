@@ -298,7 +298,7 @@ class CampaignConfig:
         MODELS.check(self.model.name)
 
     def revised(self, overrides: Iterable[str]) -> CampaignConfig:
-        """The same campaign with `section.key=value` overrides; raises ConfigError."""
+        """The same campaign with `section.key=value` overrides; what was written out stays. Raises ConfigError."""
         data = self.to_dict()
         for override in overrides:
             _apply(data, override)

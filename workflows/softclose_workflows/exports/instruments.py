@@ -3,13 +3,13 @@
 In every file the waveform spans the whole range of codes, from the low level (0 V) to the high level (its peak). So it
 means the same whether an instrument takes its levels for the ends of the code range or for the extremes of the data.
 
-Keysight (33500 and 33600 series, `.arb` as text): the fields of the writer that Agilent's N. Forcier published ("Convert
-Vector to Arbitrary Waveform", MATLAB Central File Exchange 34840); the format's reference is the Operating and Service
-Guide (part 33500-90901).
-Tektronix (AFG1000, 2000 and 3000, `.tfw`): a header of 512 bytes, then codes from 0 to 16382, big-endian, as in the sample
-code that Tektronix published ("Python Read/Write AFG TFW", forum.tek.com, topic 140915).
-Siglent (SDG series, EasyWave `.csv`): header lines and 16,384 rows, as EasyWaveX saves and loads them. Siglent prints no
-specification; the layout is that of files from the program itself.
+Keysight (33500 and 33600 series, `.arb` as text): the fields of the writer that N. Forcier of Agilent published
+("Convert Vector to Arbitrary Waveform", MATLAB Central File Exchange 34840); the format's reference is the Operating
+and Service Guide (part 33500-90901).
+Tektronix (AFG1000, 2000 and 3000, `.tfw`): a header of 512 bytes, then codes from 0 to 16382, big-endian, as in the
+sample code that Tektronix published ("Python Read/Write AFG TFW", forum.tek.com, topic 140915).
+Siglent (SDG series, EasyWave `.csv`): header lines and 16,384 rows, as EasyWaveX saves and loads them. No printed
+specification of it was found; the layout is that of files from the program itself.
 """
 
 from __future__ import annotations
