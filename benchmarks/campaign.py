@@ -1,4 +1,4 @@
-"""What a whole campaign costs: in this process, on 1, 2, … workers, against version 0.1 and against a page of one's own.
+"""What a whole campaign costs: in this process, on 1, 2, … workers, against version 0.1, against a page of one's own.
 
     python benchmarks/campaign.py [--cases exploration default large] [--workers 0 1 2] [--repeats 3]
     python benchmarks/campaign.py --old ../softclose-0.1      beside a checkout of version 0.1 (tag or commit 6fc4e64)

@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
+from softclose.allowed import refusal
 from softclose.naming import nearest
-from softclose.plugins import ENGINES, MODELS
+from softclose.plugins import ENGINES, MODELS, EngineError, ModelError
 from softclose.population import Population, load_population
 from softclose.presets import PresetError, find_preset
 from softclose.waveform import MIN_RISE_US, Waveform
@@ -27,6 +28,8 @@ MOST_IN_A_WAVE = 4096
 
 Count = Annotated[int, Field(ge=1, strict=True)]
 Positive = Annotated[float, Field(gt=0)]
+Volts = Annotated[float, Field(ge=1, le=1000)]
+NotNegative = Annotated[float, Field(ge=0)]
 Probability = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -72,8 +75,8 @@ class ModelSection:
     """End of the simulated time [µs]."""
     restitution: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Coefficient of restitution η, in (0, 1]."""
-    plate_area_um2: Positive = 16700.0
-    """Plate area a [µm²]."""
+    plate_area_um2: NotNegative = 0.0
+    """Plate area a [µm²]; 0: the area that the population was fitted with, else 16,700."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -84,8 +87,8 @@ class WaveformSection:
         "two-pulse-paper", "two-pulse-full", "three-pulse-full", "two-pulse-release", "three-pulse-release"
     ] = "two-pulse-full"
     """Search space; `-full` holds with its last pulse, `-release` lets go."""
-    max_volts: Positive = 150.0
-    """Limit on the sum of all pulses at any instant [V]."""
+    max_volts: Volts = 150.0
+    """Limit on the sum of all pulses at any instant [V], from 1 to 1000."""
     min_rise_us: Annotated[float, Field(ge=MIN_RISE_US)] = MIN_RISE_US
     """Fastest rise that may be proposed [µs]."""
     initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
@@ -136,6 +139,14 @@ class ObjectiveSection:
     """What an undefined v_u counts as in g [cm/s]."""
     confidence: Probability = 0.95
     """Confidence of every interval."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ReferenceSection:
+    """The designs that every result is compared with."""
+
+    step_volts: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    """Voltage of the unshaped step [V]; 0: 100 V, or waveform.max_volts where that is less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -243,6 +254,9 @@ class StoreSection:
     """Sync every commit to the disk, against loss of power."""
 
 
+STEP_VOLTS = 100.0
+"""The published study's unshaped step [V]."""
+
 MAX_BLOCKS = 256
 """Blocks of one candidate at most: the number of files stays bounded, whatever the ensemble."""
 
@@ -262,6 +276,7 @@ class CampaignConfig:
     model: ModelSection = Field(default_factory=ModelSection)
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
+    reference: ReferenceSection = Field(default_factory=ReferenceSection)
     optimiser: OptimiserSection = Field(default_factory=OptimiserSection)
     explore: ExploreSection = Field(default_factory=ExploreSection)
     finish: FinishSection = Field(default_factory=FinishSection)
@@ -274,8 +289,11 @@ class CampaignConfig:
     def _check(self) -> Self:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
-        ENGINES.check(self.optimiser.engine)
-        MODELS.check(self.model.name)
+        # Written out: a store says which area it was computed with, whatever a later version would choose.
+        area = self.build_population().plate_area(self.model.plate_area_um2 or None)
+        object.__setattr__(self, "model", replace(self.model, plate_area_um2=area))
+        step = self.reference.step_volts or min(STEP_VOLTS, self.waveform.max_volts)
+        object.__setattr__(self, "reference", replace(self.reference, step_volts=step))
         for number, rows in enumerate(self.waveform.initial):
             try:
                 waveform = Waveform.from_rows(rows)
@@ -307,6 +325,22 @@ class CampaignConfig:
                 f"use {math.ceil(n / MAX_BLOCKS)} or more, or 0"
             )
         return self
+
+    def check_plugins(self) -> None:
+        """Raise EngineError or ModelError where this machine lacks the engine or the device model.
+
+        Apart from reading a configuration: what a store holds can be read anywhere, only proposing and simulating
+        need the plug-ins.
+        """
+        ENGINES.check(self.optimiser.engine)
+        MODELS.check(self.model.name)
+
+    def revised(self, overrides: Iterable[str]) -> CampaignConfig:
+        """The same campaign with `section.key=value` overrides; what was written out stays. Raises ConfigError."""
+        data = self.to_dict()
+        for override in overrides:
+            _apply(data, override)
+        return _validate(data)
 
     @property
     def total_budget(self) -> int:
@@ -366,6 +400,7 @@ _SECTIONS = (
     ModelSection,
     WaveformSection,
     ObjectiveSection,
+    ReferenceSection,
     OptimiserSection,
     ExploreSection,
     FinishSection,
@@ -395,7 +430,12 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
         beside = where.parent / name
         if beside.exists():
             data["population"]["name"] = str(beside)
-    return _validate(data)
+    config = _validate(data)
+    try:
+        config.check_plugins()
+    except (EngineError, ModelError) as e:
+        raise ConfigError(str(e)) from e
+    return config
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -435,13 +475,19 @@ def _validate(data: Mapping[str, Any]) -> CampaignConfig:
     try:
         return TypeAdapter(CampaignConfig).validate_python(dict(data))
     except ValidationError as e:
-        problems = []
-        for error in e.errors(include_url=False):
-            where = ".".join(str(part) for part in error["loc"])
-            message = error["msg"].removeprefix("Value error, ")
-            got = "" if error["type"] == "value_error" else f" is {error['input']!r}: "
-            problems.append(f"{where}{got}{message}" if where and got else message)
+        problems = [_problem(x["loc"], x["type"], x["input"], x["msg"]) for x in e.errors(include_url=False)]
         raise ConfigError("\n".join(problems)) from e
+
+
+def _problem(place: tuple[int | str, ...], kind: str, got: Any, said: str) -> str:
+    """One problem in this project's words; a check of our own says everything already."""
+    if kind == "value_error":
+        return said.removeprefix("Value error, ")
+    kinds = {f.name: f.type for f in fields(CampaignConfig)}
+    section = next((cls for cls in _SECTIONS if cls.__name__ == kinds[str(place[0])]), None)
+    if section is None or len(place) < 2:
+        return f"{'.'.join(map(str, place))} is {got!r}; it must be a table of keys"
+    return refusal(section, str(place[1]), got, place)
 
 
 def _refuse_unknown(data: Mapping[str, Any]) -> None:

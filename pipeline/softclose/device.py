@@ -30,8 +30,8 @@ FAILURES: tuple[type[Exception], ...] = (CannotSimulate, ArithmeticError, ValueE
 class DeviceModel(Protocol):
     """What a campaign calls: `softclose.simulate` is one. Deterministic, and each row independent of the others.
 
-    A waveform that it cannot answer at all: CannotSimulate, ValueError or ArithmeticError, and the candidate is recorded
-    as failed. A switch that it cannot integrate: a `status` other than 0.
+    A waveform that it cannot answer at all: CannotSimulate, ValueError or ArithmeticError, and the candidate is
+    recorded as failed. A switch that it cannot integrate: a `status` other than 0.
     """
 
     def __call__(

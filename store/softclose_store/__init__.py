@@ -17,7 +17,7 @@ from softclose_store.errors import (
     StoreExistsError,
     StoreMissingError,
 )
-from softclose_store.groups import GroupArray, ResultGroup, list_groups, read_group, write_group
+from softclose_store.groups import GroupArray, ResultGroup, group_attributes, list_groups, read_group, write_group
 from softclose_store.read.arrays import read_switches
 from softclose_store.read.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
 from softclose_store.schema.digests import assessed_digest, canonical_json, fingerprint_of, proposals_digest
@@ -59,6 +59,7 @@ __all__ = [
     "canonical_json",
     "create_campaign",
     "fingerprint_of",
+    "group_attributes",
     "list_groups",
     "lock_holder",
     "open_campaign",

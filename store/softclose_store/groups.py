@@ -192,6 +192,18 @@ def read_group(path: StorePath, name: str) -> ResultGroup:
     return ResultGroup(arrays={key: read_array(files, f"{name}/{key}") for key in names}, attributes=attributes)
 
 
+def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
+    """The attributes of a result group, also where arrays of it are damaged; None where its own metadata is.
+
+    Raises StoreMissingError where there is no such group.
+    """
+    content = read_key(open_files(path, read_only=True), f"{name}/zarr.json")
+    if content is None:
+        raise StoreMissingError(f"{normalised(path)} has no group {name}")
+    attributes = _attributes(content)
+    return None if attributes is None else {k: v for k, v in attributes.items() if k not in (FILES, OWN)}
+
+
 def group_problems(files: Store, name: str) -> list[str]:
     """What is wrong with a result group: one sentence per file that is not what was written."""
     attributes = _attributes(read_key(files, f"{name}/zarr.json") or b"")

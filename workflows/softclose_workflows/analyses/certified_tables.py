@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from softclose.metrics.intervals import Interval, Proportion
+from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.tell.tables import describe_waveform, metrics_row, print_designs, with_interval
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ def print_certification(result: Certification) -> None:
     p = best.assessment.p_nc_intervals
     console.print(f"best: {best.name}")
     console.print(f"  p_nc {_proportion(p)}")
+    if best.assessment.limit is not None:
+        console.print(f"  {best.assessment.limit.sentence}")
     for exceedance in best.assessment.p_exceed:
         console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s) {_proportion(exceedance.probability)}")
     if best.training is not None:
@@ -44,6 +47,8 @@ def print_certification(result: Certification) -> None:
         )
     for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
+    for line in missing_lines(result.missing):
+        console.print(line)
 
 
 def _label(result: Certification, design: Certified) -> str:
@@ -109,6 +114,7 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
             "incumbent": result.incumbent,
             "candidates": [design(d) for d in result.candidates],
             "references": [design(d) for d in result.references],
+            "missing_references": dict(result.missing),
             "best_against": {r.name: result.comparison(r).to_dict() for r in result.references},
         }
     )

@@ -14,7 +14,13 @@ from softclose_workflows.commands.options import quiet_option
     "  softclose certify runs/a.zarr --switches 1000000 --top 3 --json | jq '.candidates[0].g_cm_s'"
 )
 @click.argument("store", metavar="STORE")
-@click.option("--switches", type=int, default=100_000, show_default=True, help="Fresh switches.")
+@click.option(
+    "--switches",
+    type=int,
+    default=100_000,
+    show_default=True,
+    help="Fresh switches; at least as many as STORE was trained on.",
+)
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the fresh switches [the campaign's].")
 @click.option("--top", type=int, default=10, show_default=True, help="Best distinct candidates to certify.")
 @click.option("--threads", type=click.IntRange(min=1), help="Threads to simulate with [one per core].")
@@ -26,6 +32,8 @@ def certify(
     """Rank the best candidates in STORE by what they do on fresh switches, and keep the result in STORE.
 
     The fresh switches are independent of those that the campaign was trained on, so the result is not flattered.
+    Certifications on different numbers of switches are kept side by side; the one on the most switches counts for
+    `export`, `report` and `compare`.
     """
     import os
 

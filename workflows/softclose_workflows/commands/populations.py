@@ -16,9 +16,9 @@ PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
 
 @click.command(epilog="\b\nExamples:\n  softclose populations\n  softclose populations mine.toml current --json")
 @click.argument("names", nargs=-1, metavar="[NAME|TOML]...")
-@click.option("--plate-area", type=float, default=16_700.0, show_default=True, help="Plate area [µm²], for pull-in.")
+@click.option("--plate-area", type=float, help="Plate area [µm²], for pull-in [that of the fit, else 16700].")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
-def populations(names: tuple[str, ...], plate_area: float, as_json: bool) -> None:
+def populations(names: tuple[str, ...], plate_area: float | None, as_json: bool) -> None:
     """Ranges, means and pull-in voltages of populations, beside what the published study prints of them."""
     from softclose.population import load_population, population_names
     from softclose_workflows.analyses.certified_tables import finite, wide_console

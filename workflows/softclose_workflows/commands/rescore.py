@@ -35,7 +35,13 @@ import click
     metavar="T_US",
     help="Only impacts until this instant count for V [µs].",
 )
-@click.option("--rows", type=int, default=10, show_default=True, help="Candidates in the table (--json has all).")
+@click.option(
+    "--rows",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="Candidates in the table (--json has all).",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def rescore(
     store: str,
@@ -105,4 +111,8 @@ def rescore(
             str(r.n_switches),
             *metrics_row(assessment_record(r.assessment)),
         )
-    wide_console().print(table)
+    console = wide_console()
+    console.print(table)
+    limit = ranking[0].assessment.limit if ranking else None
+    if limit is not None:
+        console.print(f"candidate {ranking[0].candidate}: {limit.sentence}")

@@ -15,7 +15,7 @@ from softclose.propose.dependence import Dependence
 from softclose_workflows.figures.style import COLOURS, COLUMN_IN, PAGE_IN
 from softclose_workflows.report import shapes
 from softclose_workflows.report.charts import GROUP_COLOURS, population_density
-from softclose_workflows.report.data import ROLES, Design, ReportData
+from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.packed import SLOWEST_IMPACT_CM_S, waveform_points
 from softclose_workflows.tell import labels
 
@@ -93,7 +93,7 @@ def densities(data: ReportData) -> Figure | None:
         return None
     figure = Figure(figsize=(COLUMN_IN, 2.8))
     axes = figure.subplots()
-    overlay(axes, [(d, ROLES[d.name]) for d in data.judged_designs], _top(data))
+    overlay(axes, [(d, d.role) for d in data.judged_designs], _top(data))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 

@@ -14,7 +14,7 @@ from softclose import ALGORITHM
 from softclose.config import CampaignConfig
 from softclose_store import DriverStore, open_campaign
 from softclose_workflows.analyses.certified_tables import simulation_progress
-from softclose_workflows.analyses.certify import Certification, certify
+from softclose_workflows.analyses.certify import Certification, certify, check_size
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
@@ -66,6 +66,8 @@ def run_series(
     is refused at once. done: called after each member. Raises Stopped on a signal; the same call continues.
     """
     Path(folder).mkdir(parents=True, exist_ok=True)
+    for member in members:
+        check_size(member.config, effort.n_switches, effort.top)
     for member in members:
         create_store(member.config, member.store(folder))
     results = []

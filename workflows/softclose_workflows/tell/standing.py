@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from softclose.metrics.intervals import proportion
+from softclose.metrics.limit import Limit, limit_on
 from softclose_store import Best, open_campaign
 
 
@@ -25,6 +28,8 @@ class Standing:
     """Committed candidates without a usable result."""
     best: Best | None
     """The best committed candidate; None before the first usable one."""
+    limit: Limit | None = None
+    """What its ensemble says of the limit on p_nc; None in the penalty form."""
 
     @property
     def finished(self) -> bool:
@@ -41,6 +46,7 @@ class Standing:
             "finished": self.finished,
             "failed": self.failed,
             "best": None if self.best is None else best_to_json(self.best),
+            "limit": None if self.limit is None else asdict(self.limit),
         }
 
 
@@ -69,11 +75,23 @@ def _number(value: float) -> float | None:
 def read_standing(path: str) -> Standing:
     """Read the standing of the campaign at path, also while it is being written."""
     campaign = open_campaign(path)
+    best = campaign.best()
     return Standing(
         store=path,
         name=str(campaign.config["campaign"]["name"]),
         committed=campaign.committed,
         budget=campaign.budget,
         failed=int(campaign.records()["failed"].sum()) if campaign.committed else 0,
-        best=campaign.best(),
+        best=best,
+        limit=None if best is None else _limit(campaign.config, best),
     )
+
+
+def _limit(config: Mapping[str, Any], best: Best) -> Limit | None:
+    """The chance-constrained form's limit, judged on the best candidate's own ensemble."""
+    objective = config["objective"]
+    if objective["form"] != "chance":
+        return None
+    p = proportion(round(best.p_nc * best.n_switches), best.n_switches, objective["confidence"])
+    valid = config["population"]["sampling"] == "monte-carlo"
+    return limit_on(p, objective["p_max"], objective["confidence"], valid=valid)

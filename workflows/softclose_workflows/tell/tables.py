@@ -75,4 +75,6 @@ def print_standing(standing: Standing) -> None:
         f"best: candidate {best.candidate}, g {best.g_cm_s:.2f} cm/s, v_u {best.v_u_cm_s:.2f} cm/s, "
         f"mean V {best.mean_cm_s:.2f} cm/s, p_nc {best.p_nc:.4f} on {best.n_switches} switches"
     )
+    if standing.limit is not None:
+        console.print(standing.limit.sentence)
     console.print(describe_waveform(waveform_to_json(best.waveform)))

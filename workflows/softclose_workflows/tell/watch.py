@@ -50,7 +50,7 @@ class View:
 
 
 def pace(committed_at_s: Any, n_switches: Any, wave: Any, n_left: int) -> tuple[float, float]:
-    """(switches per second, seconds left) from the last waves: when each candidate was committed, its switches, its wave.
+    """(switches per second, seconds left) from the last waves: instant of each commit, its switches, its wave.
 
     All (n,), the oldest first. The candidates of a wave share an instant; the time since the wave before is theirs. A
     pause between two runs lies in one of the gaps, so gaps count by their median.

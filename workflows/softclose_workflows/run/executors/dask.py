@@ -178,7 +178,8 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     from distributed import Client, LocalCluster
 
     # Everything listens on loopback, and speaks TLS with certificates made for this run alone: whoever reaches a
-    # scheduler runs code as its user, and other users of this machine reach its loopback (docs/explanation/security.md).
+    # scheduler runs code as its user, and other users of this machine reach its loopback
+    # (docs/explanation/security.md).
     with (
         LocalCluster(
             n_workers=workers,
