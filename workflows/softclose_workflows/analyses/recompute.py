@@ -17,6 +17,8 @@ from softclose.propose.protocol import Problem
 from softclose.waveform import Waveform
 from softclose_store import Campaign as StoredCampaign
 from softclose_store import DriverStore, Layout, Recompute, open_campaign
+from softclose_workflows.analyses.certification import CertifyError
+from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
 from softclose_workflows.run.creation import population_columns
 from softclose_workflows.run.tasks import Rows, compute_block, times_us
@@ -119,7 +121,13 @@ def _rows_of(waveform: NDArray[np.float64]) -> NDArray[np.float64]:
 def recompute() -> Recompute:
     """How to compute again whatever a store holds."""
     return Recompute(
-        population=_population, times_us=_times, waves=_waves, proposals=_proposals, block=_block, record=_record
+        population=_population,
+        times_us=_times,
+        waves=_waves,
+        proposals=_proposals,
+        block=_block,
+        record=_record,
+        group=_group,
     )
 
 
@@ -162,3 +170,12 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
         status=np.concatenate([part["status"][at] for part in parts]),
     )
     return records.assessment_record(judge(config, response))
+
+
+def _group(path: str, name: str) -> bool:
+    """A certification again; what it was asked for stands in its own metadata."""
+    try:
+        certify_again(path, name)
+    except CertifyError:
+        return False
+    return True
