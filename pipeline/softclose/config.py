@@ -22,7 +22,23 @@ from softclose.waveform import MIN_RISE_US, Waveform
 
 SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
 
-Count = Annotated[int, Field(ge=1, strict=True)]
+MAX_COUNT = 1_000_000
+"""Candidates, descents, points … at most: a proposal looks at all of them, and a million take it minutes."""
+
+MAX_SWITCHES = 100_000_000
+"""Switches of one ensemble at most: a thousandth of them know v_u to 0.01 cm/s; one candidate takes minutes."""
+
+MAX_HORIZON_US = 1e6
+"""Simulated time at most [µs]: a second, a hundred thousand periods of the plate."""
+
+VOLTS_RANGE = (1.0, 10_000.0)
+"""Limits on the voltage that make sense [V]: a switch of micrometres moves above a volt and arcs below ten thousand."""
+
+MAX_CM_S = 1e6
+"""Speeds and penalties at most [cm/s]: beyond it, 10 km/s, sums of squares lose what they are about."""
+
+Count = Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)]
+SwitchCount = Annotated[int, Field(ge=1, le=MAX_SWITCHES, strict=True)]
 Positive = Annotated[float, Field(gt=0)]
 Probability = Annotated[float, Field(gt=0, lt=1)]
 
@@ -51,7 +67,7 @@ class PopulationSection:
 
     name: Annotated[str, Field(min_length=1)] = "current"
     """A shipped population, or the path of a population TOML."""
-    n_switches: Count = 2000
+    n_switches: SwitchCount = 2000
     """Switches in the training ensemble of each candidate."""
     sampling: Literal["monte-carlo", "sobol"] = "monte-carlo"
     """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals."""
@@ -63,11 +79,11 @@ class ModelSection:
 
     name: Annotated[str, Field(min_length=1)] = "single-mode"
     """single-mode, or an installed entry point of group softclose.models."""
-    horizon_us: Positive = 250.0
+    horizon_us: Annotated[float, Field(gt=0, le=MAX_HORIZON_US)] = 250.0
     """End of the simulated time [µs]."""
     restitution: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Coefficient of restitution η, in (0, 1]."""
-    plate_area_um2: Positive = 16700.0
+    plate_area_um2: Annotated[float, Field(ge=1, le=1e9)] = 16700.0
     """Plate area a [µm²]."""
 
 
@@ -79,9 +95,9 @@ class WaveformSection:
         "two-pulse-paper", "two-pulse-full", "three-pulse-full", "two-pulse-release", "three-pulse-release"
     ] = "two-pulse-full"
     """Search space; `-full` holds with its last pulse, `-release` lets go."""
-    max_volts: Positive = 150.0
+    max_volts: Annotated[float, Field(ge=VOLTS_RANGE[0], le=VOLTS_RANGE[1])] = 150.0
     """Limit on the sum of all pulses at any instant [V]."""
-    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US)] = MIN_RISE_US
+    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US, le=MAX_HORIZON_US)] = MIN_RISE_US
     """Fastest rise that may be proposed [µs]."""
     initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
     """The user's own waveforms, evaluated first: each a list of [start, rise, peak, volts]; a peak of "hold" holds."""
@@ -119,15 +135,15 @@ class ObjectiveSection:
     """penalty: g = v_u + c1·p_nc (Eq. 10); chance: minimise v_u subject to p_nc <= p_max."""
     level: Probability = 0.9
     """Quantile of V that is v_u."""
-    c1_cm_s: Annotated[float, Field(ge=0)] = 25.0
+    c1_cm_s: Annotated[float, Field(ge=0, le=MAX_CM_S)] = 25.0
     """Penalty per unit probability of not closing [cm/s]."""
     p_max: Annotated[float, Field(ge=0, lt=1)] = 0.05
     """Largest admissible p_nc of the chance-constrained form."""
-    limits_cm_s: tuple[Positive, ...] = (19.7,)
+    limits_cm_s: tuple[Annotated[float, Field(gt=0, le=MAX_CM_S)], ...] = (19.7,)
     """Contact speeds for which P(V > limit) is reported [cm/s]."""
     min_contact: Annotated[float, Field(ge=0, le=1)] = 0.1
     """Below this fraction of switches in contact v_u is undefined."""
-    undefined_v_u_cm_s: Positive = 60.0
+    undefined_v_u_cm_s: Annotated[float, Field(gt=0, le=MAX_CM_S)] = 60.0
     """What an undefined v_u counts as in g [cm/s]."""
     confidence: Probability = 0.95
     """Confidence of every interval."""
@@ -139,19 +155,19 @@ class OptimiserSection:
 
     engine: Annotated[str, Field(min_length=1)] = "skopt"
     """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
-    n_initial: Annotated[int, Field(ge=2, strict=True)] = 20
+    n_initial: Annotated[int, Field(ge=2, le=MAX_COUNT, strict=True)] = 20
     """Space-filling candidates before the surrogate proposes."""
-    n_restart: Annotated[int, Field(ge=2, strict=True)] = 8
+    n_restart: Annotated[int, Field(ge=2, le=MAX_COUNT, strict=True)] = 8
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
     fresh_every: Count = 1
     """Every so many restarts begin elsewhere; the others open the trust region again around the best candidate."""
-    n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
+    n_candidates: Annotated[int, Field(ge=16, le=100_000, strict=True)] = 2000
     """Points at which the acquisition is screened."""
     fit_iterations: Count = 20
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
-    n_fit: Annotated[int, Field(ge=16, strict=True)] = 100
+    n_fit: Annotated[int, Field(ge=16, le=MAX_COUNT, strict=True)] = 100
     """Points nearest to the incumbent from which the hyperparameters are fitted; the surrogate uses all points."""
-    global_every: Annotated[int, Field(ge=0, strict=True)] = 0
+    global_every: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Every so many proposals the acquisition looks everywhere; 0: never."""
     warp: Literal["none", "clip", "log"] = "log"
     """What the surrogate sees of g: as it is, cut off above the median, or its logarithm above the best."""
@@ -165,7 +181,7 @@ class OptimiserSection:
     """Largest width."""
     success_tolerance: Count = 3
     """Successes in a row that double the trust region."""
-    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 6
+    failure_tolerance: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 6
     """Failures in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""
@@ -175,11 +191,11 @@ class OptimiserSection:
 class FinishSection:
     """The finishing stage: further candidates on larger ensembles."""
 
-    budget: Annotated[int, Field(ge=0, strict=True)] = 0
+    budget: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Candidates of the finishing stage; 0 leaves it out."""
-    n_switches: Count = 2000
+    n_switches: SwitchCount = 2000
     """Switches per candidate of the finishing stage."""
-    explore: Annotated[int, Field(ge=0, strict=True)] = 0
+    explore: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Of `budget`, candidates spent first on CMA-ES descents, on the search's own ensemble."""
     n_descents: Count = 6
     """Descents begun, the first from the best of the search; the better half goes on after each third of `explore`."""
@@ -197,7 +213,7 @@ class FinishSection:
 class ComputeSection:
     """How the work is cut up. Chunk boundaries are part of the result's identity."""
 
-    chunk_switches: Annotated[int, Field(ge=0, strict=True)] = 0
+    chunk_switches: Annotated[int, Field(ge=0, le=MAX_SWITCHES, strict=True)] = 0
     """Switches per chunk (one Dask task); 0 chooses: at least 2,048, at most 64 chunks a candidate."""
     rtol: Annotated[float, Field(ge=1e-13, le=1e-3)] = 1e-9
     """Relative tolerance of the integrator."""
@@ -259,6 +275,11 @@ class CampaignConfig:
             raise ValueError(
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
                 f"{self.campaign.budget}: raise the budget or shorten the list"
+            )
+        if self.waveform.min_rise_us >= self.model.horizon_us:
+            raise ValueError(
+                f"waveform.min_rise_us is {self.waveform.min_rise_us:g}; no pulse would be up before model.horizon_us "
+                f"{self.model.horizon_us:g}: lower it, or raise the horizon"
             )
         self._choose_chunks()
         n, chunk = self.n_switches_max, self.compute.chunk_switches

@@ -31,7 +31,7 @@ from softclose_store import (
     read_group,
     write_group,
 )
-from softclose_workflows.run import records
+from softclose_workflows.run import needs, records
 from softclose_workflows.run.records import StoredResponse
 
 GROUP = "certification"
@@ -42,6 +42,9 @@ STREAM = 1
 
 CHUNK = 10_000
 """Switches simulated between two looks at the progress."""
+
+N_REFERENCES = 2
+"""Reference designs at most."""
 
 DISTINCT_VOLTS = 0.25
 """Waveforms whose voltages differ by less than this (root mean square over the horizon) count as one."""
@@ -150,6 +153,7 @@ def certify(
             return stored
     waveforms = {f"candidate {i}": Waveform.from_rows(campaign.waveform(i)) for i in chosen}
     waveforms |= reference_designs(config)
+    needs.check_fresh(n_switches, len(waveforms), path=path)
     responses = simulate_fresh(
         config, list(waveforms.values()), n_switches=n_switches, seed=seed, threads=threads, listener=listener
     )

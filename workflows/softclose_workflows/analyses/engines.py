@@ -17,6 +17,7 @@ from softclose.config import CampaignConfig, ConfigError
 from softclose.propose.side_by_side import EngineRun, compare_engines, with_seed
 from softclose_workflows.analyses.certified_tables import waveform_rows_of, wide_console
 from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
+from softclose_workflows.run import needs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +34,12 @@ def compare(
     config: CampaignConfig, engines: Sequence[str], seeds: Sequence[int], n_switches: int, *, quiet: bool
 ) -> list[Compared]:
     """Every engine on every seed; n_switches fresh switches certify each best waveform."""
+    needs.check(
+        needs.of_ensemble(config.n_switches_max),
+        f"an ensemble of {config.n_switches_max:,} switches",
+        "lower population.n_switches",
+    )
+    needs.check_fresh(n_switches, 1)
     results = []
     for run in compare_engines(config, engines, seeds):
         g = math.nan

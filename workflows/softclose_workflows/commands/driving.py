@@ -12,6 +12,7 @@ from softclose_store import DriverStore, open_campaign, store_state
 from softclose_workflows.run.campaign import Campaign
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
+from softclose_workflows.run.needs import check_run
 from softclose_workflows.run.progress import show_progress
 from softclose_workflows.run.runtime import changes_since, runtime
 from softclose_workflows.run.stopping import stop_on_signals
@@ -34,6 +35,8 @@ def drive(
     with stop_on_signals() as stop, contextlib.ExitStack() as stack:
         state = store_state(path)
         is_new = state.kind in ("absent", "unfinished")
+        whole = config if config is not None else CampaignConfig.from_dict(open_campaign(path).config)
+        check_run(whole, placement, path, committed=state.n_committed)
         if config is not None and not is_new:
             create_store(config, path)  # refuses whatever is not this very campaign
         if not state.finished:

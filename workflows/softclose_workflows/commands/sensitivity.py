@@ -21,7 +21,12 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
     from softclose.uncertainty.sensitivity import sensitivity as analyse
     from softclose_workflows.analyses.certified_tables import finite, wide_console
     from softclose_workflows.analyses.chosen import choose
+    from softclose_workflows.run.needs import check, of_ensemble
 
+    # One replicate is simulated at once: n points, and n for each of the four variables exchanged, twice over.
+    check(
+        of_ensemble(6 * max(points, 0)), f"{points:,} points of 4 variables", "lower --points; --replicates helps too"
+    )
     chosen = choose(store, candidate)
     found = analyse(
         chosen.config.build_population(),

@@ -51,8 +51,10 @@ def tolerance(
     from softclose_workflows.analyses.certified_tables import finite, waveform_rows_of, wide_console
     from softclose_workflows.analyses.certify import fresh_switches
     from softclose_workflows.analyses.chosen import choose
+    from softclose_workflows.run.needs import check_fresh
     from softclose_workflows.tell.tables import with_interval
 
+    check_fresh(switches, 1)
     chosen = choose(store, candidate)
     asked = [
         *(DriveError(gain=x) for x in gain),

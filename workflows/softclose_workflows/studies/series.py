@@ -11,10 +11,11 @@ from pathlib import Path
 import click
 
 from softclose.config import CampaignConfig
-from softclose_store import DriverStore, open_campaign
+from softclose_store import DriverStore, open_campaign, store_state
 from softclose_workflows.analyses.certified_tables import simulation_progress
-from softclose_workflows.analyses.certify import Certification, certify
+from softclose_workflows.analyses.certify import N_REFERENCES, Certification, certify
 from softclose_workflows.errors import Stopped
+from softclose_workflows.run import needs
 from softclose_workflows.run.campaign import Campaign
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Executor, Placement, open_executor
@@ -64,6 +65,7 @@ def run_series(
     Every store is created or found to hold the very campaign before anything is computed, so a folder of another series
     is refused at once. done: called after each member. Raises Stopped on a signal; the same call continues.
     """
+    _check(members, folder, effort)
     Path(folder).mkdir(parents=True, exist_ok=True)
     for member in members:
         create_store(member.config, member.store(folder))
@@ -88,6 +90,23 @@ def run_series(
             if done is not None:
                 done(member, result)
     return results
+
+
+def _check(members: Sequence[Member], folder: str | Path, effort: Effort) -> None:
+    """Refuse what this machine cannot hold, before the first store is created."""
+    designs = [min(effort.top, m.config.total_budget) + N_REFERENCES for m in members]
+    runs = needs.of_all(
+        needs.of_run(m.config, workers=effort.placement.n_processes, committed=store_state(m.store(folder)).n_committed)
+        for m in members
+    )
+    # What is certified stays in memory until the last campaign has been compared with the others.
+    certifications = needs.of_fresh(effort.n_switches, max(designs), n_kept=sum(designs))
+    needs.check(
+        needs.of_all([runs, certifications]),
+        f"{len(members)} campaigns, each certified on {effort.n_switches:,} fresh switches,",
+        "lower population.n_switches, campaign.budget or store.n_times (--set), --switches or --top",
+        path=folder,
+    )
 
 
 def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> None:
