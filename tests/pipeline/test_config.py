@@ -48,7 +48,7 @@ def test_the_population_is_part_of_the_configuration(tmp_path: Path) -> None:
         ("population.name=curent", "did you mean 'current'"),
         ("optimiser.engine=skop", "did you mean 'skopt'"),
         ("waveform.space=one-pulse", "waveform.space is 'one-pulse'"),
-        ("waveform.max_volts=0", "greater than 0"),
+        ("waveform.max_volts=0", "greater than or equal to 1"),
         ("waveform.min_rise_us=2.5", "waveform.min_rise_us is 2.5"),
         ("waveform.initial=[[[0,2.5,3,100]]]", "waveform.initial.0.: pulse 1: pulse rises in 2.5 µs"),
         ("waveform.initial=[[[0,4,3,160]]]", "reaches 160 V; .* may not exceed 150 V"),

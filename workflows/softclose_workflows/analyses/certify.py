@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,6 +33,7 @@ from softclose_store import (
 )
 from softclose_workflows.run import needs, records
 from softclose_workflows.run.records import StoredResponse
+from softclose_workflows.tell.console import Step
 
 GROUP = "certification"
 """Result group of the store."""
@@ -48,8 +49,6 @@ N_REFERENCES = 2
 
 DISTINCT_VOLTS = 0.25
 """Waveforms whose voltages differ by less than this (root mean square over the horizon) count as one."""
-
-ProgressListener = Callable[[int, int], None]
 
 
 class CertifyError(ValueError):
@@ -130,7 +129,7 @@ def certify(
     seed: int | None = None,
     top: int = 10,
     threads: int = 1,
-    listener: ProgressListener | None = None,
+    listener: Step | None = None,
 ) -> Certification:
     """Certify the `top` best distinct candidates of the campaign at path, and store the result in its group.
 
@@ -197,7 +196,7 @@ def simulate_fresh(
     n_switches: int,
     seed: int,
     threads: int = 1,
-    listener: ProgressListener | None = None,
+    listener: Step | None = None,
 ) -> list[StoredResponse]:
     """Metrics of every waveform on the same fresh switches of the campaign's population, a chunk at a time."""
     from softclose.evaluate import respond

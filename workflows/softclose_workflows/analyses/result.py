@@ -7,7 +7,7 @@ from softclose.evaluate import evaluate
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import reference_designs
 from softclose_workflows.run.records import assessment_record
-from softclose_workflows.tell.standing import waveform_to_json
+from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.tables import print_designs
 
 
@@ -31,10 +31,10 @@ def print_result(path: str) -> None:
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
         [
             *(
-                (name, waveform_to_json(design.rows()), assessment_record(evaluate(config, switches, design)))
+                (name, waveform_rows(design.rows()), assessment_record(evaluate(config, switches, design)))
                 for name, design in reference_designs(config).items()
             ),
-            (f"best (candidate {best.candidate})", waveform_to_json(best.waveform), record),
+            (f"best (candidate {best.candidate})", waveform_rows(best.waveform), record),
         ],
         f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",
     )

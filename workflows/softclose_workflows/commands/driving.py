@@ -14,7 +14,7 @@ from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
 from softclose_workflows.run.needs import check_run
 from softclose_workflows.run.progress import show_progress
-from softclose_workflows.run.runtime import changes_since, runtime
+from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import stop_on_signals
 
 
@@ -44,8 +44,7 @@ def drive(
             if config is not None and is_new:
                 create_store(config, path)
             store = stack.enter_context(DriverStore(path, break_lock=break_lock))
-            for change in changes_since(open_campaign(path).runtime):
-                click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)
+            say_changes(open_campaign(path).runtime)
             store.note_run(runtime() | {"workers": executor.n_workers})
             if executor.dashboard and not quiet:
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)

@@ -132,10 +132,9 @@ def waveform(store: str, /, form: str, candidate: int | None, output: Path | Non
 def _emit_codes(
     campaign: Campaign, i: int, drive: Waveform, times: Any, settings: dict[str, Any], output: Path | None
 ) -> None:
-    import json
-
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.samples import Scale, codes_text, metadata
+    from softclose_workflows.tell.plain import json_text
 
     full_scale = settings["full_scale_V"]
     scale = Scale(
@@ -155,7 +154,7 @@ def _emit_codes(
     text = codes_text(codes, comments if settings["header"] else [])
     if output is not None:  # the description first: codes never lie about without their scale
         about |= {"candidate": i, "fingerprint": campaign.fingerprint}
-        _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
+        _emit(json_text(about) + "\n", output.with_name(output.name + ".json"))
     _emit(text, output)
 
 
@@ -213,14 +212,14 @@ def _emit(text: str, output: Path | None) -> None:
     if output is None or str(output) == "-":
         click.echo(text, nl=False)
         return
-    from softclose_workflows.exports.files import write_text
+    from softclose_workflows.tell.outputs import write_text
 
     write_text(output, text)
     click.echo(f"wrote {output}", err=True)
 
 
 def _emit_table(dataset: Any, form: str, output: Path | None) -> None:
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.tables import write_dataset
 
     if output is None or str(output) == "-":

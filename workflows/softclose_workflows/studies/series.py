@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -12,7 +11,6 @@ import click
 
 from softclose.config import CampaignConfig
 from softclose_store import DriverStore, open_campaign, store_state
-from softclose_workflows.analyses.certified_tables import simulation_progress
 from softclose_workflows.analyses.certify import N_REFERENCES, Certification, certify
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import needs
@@ -20,8 +18,10 @@ from softclose_workflows.run.campaign import Campaign
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.progress import show_progress
-from softclose_workflows.run.runtime import runtime
+from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
+from softclose_workflows.tell.console import bar, silent
+from softclose_workflows.tell.outputs import check_folder, make_folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,11 +62,13 @@ def run_series(
 ) -> list[Certification]:
     """Run, or continue, every campaign and certify it; returns the certifications in the order of the members.
 
+    Raises OutputError where no such folder can be.
     Every store is created or found to hold the very campaign before anything is computed, so a folder of another series
     is refused at once. done: called after each member. Raises Stopped on a signal; the same call continues.
     """
+    check_folder(folder)
     _check(members, folder, effort)
-    Path(folder).mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for member in members:
         create_store(member.config, member.store(folder))
     results = []
@@ -81,8 +83,7 @@ def run_series(
                     executor = stack.enter_context(open_executor(effort.placement))
                 _say(effort, f"[{number}/{len(members)}] {member.config.campaign.name}")
                 _run(path, executor, stop, effort)
-            quiet = effort.quiet or not sys.stderr.isatty()
-            with simulation_progress(f"certifying {member.name}", quiet=quiet) as listener:
+            with bar(f"certifying {member.name}", quiet=effort.quiet) as listener:
                 result = certify(
                     path, n_switches=effort.n_switches, top=effort.top, threads=effort.threads, listener=listener
                 )
@@ -111,8 +112,9 @@ def _check(members: Sequence[Member], folder: str | Path, effort: Effort) -> Non
 
 def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> None:
     with DriverStore(path) as store:
-        store.note_run(runtime())
-        with show_progress(quiet=effort.quiet or not sys.stderr.isatty()) as listener:
+        say_changes(open_campaign(path).runtime)
+        store.note_run(runtime() | {"workers": executor.n_workers})
+        with show_progress(quiet=silent(effort.quiet)) as listener:
             Campaign(store, executor, stop=stop, listener=listener).run()
 
 
