@@ -18,9 +18,10 @@ from skopt.acquisition import gaussian_ei
 from threadpoolctl import threadpool_limits
 
 from softclose.propose.design import design_point
+from softclose.propose.inputs import SWING
 from softclose.propose.protocol import Observation, Problem, Proposal, search_history
 from softclose.propose.sobol import sobol_points
-from softclose.propose.surrogate import SWING, SurrogateData, believe, collect, fit, surrogate_inputs, warped
+from softclose.propose.surrogate import SurrogateData, believe, collect, fit, surrogate_inputs, warped
 from softclose.propose.trust_region import DESIGN, GLOBAL, LOCAL, RESTART, TrustRegion, TrustRegionRules, replay
 from softclose.waveform import Waveform
 

@@ -25,9 +25,6 @@ from softclose.waveform.spaces import SpaceError
 
 FloatArray = NDArray[np.float64]
 
-SWING = ("reach", "dispersion", "x_last", "v_last")
-"""Names of the surrogate's inputs beyond the coordinates."""
-
 
 class Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
     """skopt's GP with a prediction whose cost is one triangular solve.

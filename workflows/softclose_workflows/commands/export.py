@@ -105,6 +105,7 @@ def waveform(store: str, /, form: str, candidate: int | None, output: Path | Non
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
 
+    _check(output)
     campaign = open_campaign(store)
     i = _candidate(campaign, candidate)
     drive = Waveform.from_rows(campaign.waveform(i))
@@ -172,6 +173,7 @@ def ensemble(store: str, /, form: str, candidate: int | None, trajectories: bool
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import ensemble_dataset
 
+    _check(output)
     campaign = open_campaign(store)
     _emit_table(ensemble_dataset(campaign, _candidate(campaign, candidate), trajectories=trajectories), form, output)
 
@@ -188,6 +190,7 @@ def history(store: str, /, form: str, output: Path | None) -> None:
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import history_dataset
 
+    _check(output)
     _emit_table(history_dataset(open_campaign(store)), form, output)
 
 
@@ -206,6 +209,14 @@ def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
         f"softclose waveform: candidate {i} of {campaign.config['campaign']['name']} ({campaign.fingerprint[:12]})",
         *lines,
     ]
+
+
+def _check(output: Path | None) -> None:
+    """Refuse a place that cannot be written before anything is read."""
+    from softclose_workflows.tell.outputs import check_file
+
+    if output is not None and str(output) != "-":
+        check_file(output)
 
 
 def _emit(text: str, output: Path | None) -> None:
