@@ -26,7 +26,20 @@ SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
 MOST_IN_A_WAVE = 4096
 """Candidates of a wave at most: what a kill may lose, and what a driver holds in memory."""
 
-Count = Annotated[int, Field(ge=1, strict=True)]
+MAX_COUNT = 1_000_000
+"""Candidates, descents, points … at most: a proposal looks at all of them, and a million take it minutes."""
+
+MAX_SWITCHES = 100_000_000
+"""Switches of one ensemble at most: a thousandth of them know v_u to 0.01 cm/s; one candidate takes minutes."""
+
+MAX_HORIZON_US = 1e6
+"""Simulated time at most [µs]: a second, a hundred thousand periods of the plate."""
+
+MAX_CM_S = 1e6
+"""Speeds and penalties at most [cm/s]: beyond it, 10 km/s, sums of squares lose what they are about."""
+
+Count = Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)]
+SwitchCount = Annotated[int, Field(ge=1, le=MAX_SWITCHES, strict=True)]
 Positive = Annotated[float, Field(gt=0)]
 Volts = Annotated[float, Field(ge=1, le=1000)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -59,7 +72,7 @@ class PopulationSection:
 
     name: Annotated[str, Field(min_length=1)] = "current"
     """A shipped population, or the path of a population TOML."""
-    n_switches: Count = 2000
+    n_switches: SwitchCount = 2000
     """Switches in the training ensemble of each candidate."""
     sampling: Literal["monte-carlo", "sobol"] = "monte-carlo"
     """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals."""
@@ -71,7 +84,7 @@ class ModelSection:
 
     name: Annotated[str, Field(min_length=1)] = "single-mode"
     """single-mode, or an installed entry point of group softclose.models."""
-    horizon_us: Positive = 250.0
+    horizon_us: Annotated[float, Field(gt=0, le=MAX_HORIZON_US)] = 250.0
     """End of the simulated time [µs]."""
     restitution: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Coefficient of restitution η, in (0, 1]."""
@@ -89,7 +102,7 @@ class WaveformSection:
     """Search space; `-full` holds with its last pulse, `-release` lets go."""
     max_volts: Volts = 150.0
     """Limit on the sum of all pulses at any instant [V], from 1 to 1000."""
-    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US)] = MIN_RISE_US
+    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US, le=MAX_HORIZON_US)] = MIN_RISE_US
     """Fastest rise that may be proposed [µs]."""
     initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
     """The user's own waveforms, evaluated first: each a list of [start, rise, peak, volts]; a peak of "hold" holds."""
@@ -127,15 +140,15 @@ class ObjectiveSection:
     """penalty: g = v_u + c1·p_nc (Eq. 10); chance: minimise v_u subject to p_nc <= p_max."""
     level: Probability = 0.9
     """Quantile of V that is v_u."""
-    c1_cm_s: Annotated[float, Field(ge=0)] = 25.0
+    c1_cm_s: Annotated[float, Field(ge=0, le=MAX_CM_S)] = 25.0
     """Penalty per unit probability of not closing [cm/s]."""
     p_max: Annotated[float, Field(ge=0, lt=1)] = 0.05
     """Largest admissible p_nc of the chance-constrained form."""
-    limits_cm_s: tuple[Positive, ...] = (19.7,)
+    limits_cm_s: tuple[Annotated[float, Field(gt=0, le=MAX_CM_S)], ...] = (19.7,)
     """Contact speeds for which P(V > limit) is reported [cm/s]."""
     min_contact: Annotated[float, Field(ge=0, le=1)] = 0.1
     """Below this fraction of switches in contact v_u is undefined."""
-    undefined_v_u_cm_s: Positive = 60.0
+    undefined_v_u_cm_s: Annotated[float, Field(gt=0, le=MAX_CM_S)] = 60.0
     """What an undefined v_u counts as in g [cm/s]."""
     confidence: Probability = 0.95
     """Confidence of every interval."""
@@ -159,17 +172,17 @@ class OptimiserSection:
     """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
     batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4
     """Candidates that the surrogate proposes together, a wave."""
-    n_restart: Annotated[int, Field(ge=2, strict=True)] = 8
+    n_restart: Annotated[int, Field(ge=2, le=MAX_COUNT, strict=True)] = 8
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
     fresh_every: Count = 1
     """Every so many restarts begin elsewhere; the others open the trust region again around the best candidate."""
-    n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
+    n_candidates: Annotated[int, Field(ge=16, le=100_000, strict=True)] = 2000
     """Points at which the acquisition is screened."""
     fit_iterations: Count = 20
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
-    n_fit: Annotated[int, Field(ge=16, strict=True)] = 100
+    n_fit: Annotated[int, Field(ge=16, le=MAX_COUNT, strict=True)] = 100
     """Points nearest to the incumbent from which the hyperparameters are fitted; the surrogate uses all points."""
-    global_every: Annotated[int, Field(ge=0, strict=True)] = 0
+    global_every: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Every so many proposals the acquisition looks everywhere; 0: never."""
     warp: Literal["none", "clip", "log"] = "log"
     """What the surrogate sees of g: as it is, cut off above the median, or its logarithm above the best."""
@@ -183,7 +196,7 @@ class OptimiserSection:
     """Largest width."""
     success_tolerance: Count = 3
     """Successes in a row that double the trust region."""
-    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 6
+    failure_tolerance: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 6
     """Failures in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""
@@ -213,9 +226,9 @@ class ExploreSection:
 class FinishSection:
     """The finishing stage: further candidates on larger ensembles."""
 
-    budget: Annotated[int, Field(ge=0, strict=True)] = 0
+    budget: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Candidates of the finishing stage; 0 leaves it out."""
-    n_switches: Count = 2000
+    n_switches: SwitchCount = 2000
     """Switches per candidate of the finishing stage."""
     n_basins: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 8
     """Distinct basins found so far that are evaluated again, best first, one wave."""
@@ -233,7 +246,7 @@ class FinishSection:
 class ComputeSection:
     """How the work is cut up. Block boundaries are part of the store's identity."""
 
-    block_switches: Annotated[int, Field(ge=0, strict=True)] = 0
+    block_switches: Annotated[int, Field(ge=0, le=MAX_SWITCHES, strict=True)] = 0
     """Simulated switches per block (one Dask task), several candidates' where ensembles are small; 0 chooses: 5,120, or
     more where that would cut a candidate into more than 64 blocks."""
     rtol: Annotated[float, Field(ge=1e-13, le=1e-3)] = 1e-9
@@ -304,6 +317,11 @@ class CampaignConfig:
             raise ValueError(
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
                 f"{self.campaign.budget}: raise the budget or shorten the list"
+            )
+        if self.waveform.min_rise_us >= self.model.horizon_us:
+            raise ValueError(
+                f"waveform.min_rise_us is {self.waveform.min_rise_us:g}; no pulse would be up before model.horizon_us "
+                f"{self.model.horizon_us:g}: lower it, or raise the horizon"
             )
         if not self.campaign.budget + self.explore.budget:
             raise ValueError(

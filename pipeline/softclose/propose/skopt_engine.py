@@ -138,7 +138,7 @@ def _acquire(
 ) -> tuple[FloatArray, list[Beliefs]]:
     """(n, d) points of largest expected improvement, each with those before it taken on trust: over a few thousand
     admissible points, then around the best of them."""
-    from softclose.propose.surrogate import SWING, Screened, fit, surrogate_inputs, warped
+    from softclose.propose.surrogate import Screened, fit, surrogate_inputs, warped
 
     space, settings = problem.space, problem.config.optimiser
     y, per_cm_s = warped(data.g, settings.warp)

@@ -29,9 +29,6 @@ FloatArray = NDArray[np.float64]
 JITTER = 1e-8
 """Added to the diagonal of the covariance."""
 
-SWING = ("reach", "dispersion", "x_last", "v_last")
-"""Names of the surrogate's inputs beyond the coordinates."""
-
 
 class Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
     """skopt's GP with a prediction whose cost is one triangular solve, and points that it takes on trust.

@@ -8,7 +8,6 @@ draws, so Eq. 11 and its companions hold whatever the campaign's own sampling is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -27,14 +26,16 @@ from softclose_workflows.analyses.certification import Request, assemble, candid
 from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run.records import StoredResponse
+from softclose_workflows.tell.console import Step
 
 PART = 10_000
 """Switches simulated between two looks at the progress."""
 
+N_REFERENCES = 2
+"""Reference designs at most."""
+
 DISTINCT_VOLTS = 0.25
 """Waveforms whose voltages differ by less than this (root mean square over the horizon) count as one."""
-
-ProgressListener = Callable[[int, int], None]
 
 
 def certify(
@@ -44,7 +45,7 @@ def certify(
     seed: int | None = None,
     top: int = 10,
     threads: int = 1,
-    listener: ProgressListener | None = None,
+    listener: Step | None = None,
 ) -> Certification:
     """Certify the `top` best distinct candidates of the campaign at path, and keep the result in its group.
 
@@ -62,6 +63,7 @@ def certify(
     unchanged = stored is not None and (stored.incumbent, stored.committed) == (incumbent, campaign.committed)
     if stored is not None and unchanged and {*chosen} <= {*known}:
         return stored
+    needs.check_fresh(n_switches, len({*chosen, *known}) + N_REFERENCES, path=path)
     references = reference_designs(config)
     request = Request(
         n_switches=n_switches,
@@ -137,7 +139,7 @@ def _certified(
     have: dict[str, StoredResponse],
     *,
     threads: int = 1,
-    listener: ProgressListener | None = None,
+    listener: Step | None = None,
 ) -> Certification:
     """The certification that a request stands for; have: responses of designs that are known already."""
     waveforms = {candidate_name(i): Waveform.from_rows(campaign.waveform(i)) for i in request.candidates}
@@ -166,7 +168,7 @@ def simulate_fresh(
     n_switches: int,
     seed: int,
     threads: int = 1,
-    listener: ProgressListener | None = None,
+    listener: Step | None = None,
 ) -> list[StoredResponse]:
     """Metrics of every waveform on the same fresh switches of the campaign's population, a part at a time."""
     from softclose.evaluate import respond

@@ -7,7 +7,7 @@ from softclose.evaluate import judge
 from softclose_store import open_campaign
 from softclose_workflows.analyses.references import missing_lines, simulate_references
 from softclose_workflows.run.records import assessment_record
-from softclose_workflows.tell.standing import waveform_to_json
+from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.tables import print_designs
 
 
@@ -32,10 +32,10 @@ def print_result(path: str) -> None:
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
         [
             *(
-                (name, waveform_to_json(design.rows()), assessment_record(judge(config, response)))
+                (name, waveform_rows(design.rows()), assessment_record(judge(config, response)))
                 for name, (design, response) in references.responses.items()
             ),
-            (f"best (candidate {best.candidate})", waveform_to_json(best.waveform), record),
+            (f"best (candidate {best.candidate})", waveform_rows(best.waveform), record),
         ],
         f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 from softclose_workflows.commands.options import quiet_option
@@ -37,18 +35,16 @@ def certify(
     """
     import os
 
-    from softclose_workflows.analyses.certified_tables import (
-        certification_to_json,
-        print_certification,
-        simulation_progress,
-    )
+    from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification
     from softclose_workflows.analyses.certify import certify as run
+    from softclose_workflows.tell.console import bar
+    from softclose_workflows.tell.plain import json_text
 
-    with simulation_progress("certifying", quiet=quiet) as listener:
+    with bar("certifying", quiet=quiet) as listener:
         result = run(
             store, n_switches=switches, seed=seed, top=top, threads=threads or os.cpu_count() or 1, listener=listener
         )
     if as_json:
-        click.echo(json.dumps(certification_to_json(result), indent=2, allow_nan=False))
+        click.echo(json_text(certification_to_json(result)))
     else:
         print_certification(result)

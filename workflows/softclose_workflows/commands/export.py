@@ -131,6 +131,7 @@ def waveform(ctx: click.Context, /, form: str, candidate: int | None, output: Pa
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
 
+    _check(output)
     _refuse_options_of_other_formats(ctx, form)
     store = ctx.obj
     campaign = open_campaign(store)
@@ -163,10 +164,9 @@ def waveform(ctx: click.Context, /, form: str, candidate: int | None, output: Pa
 def _emit_codes(
     campaign: Campaign, i: int, drive: Waveform, times: Any, settings: dict[str, Any], output: Path | None
 ) -> None:
-    import json
-
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.samples import Scale, codes_text, metadata
+    from softclose_workflows.tell.plain import json_text
 
     full_scale = settings["full_scale_V"]
     if full_scale is None:
@@ -191,7 +191,7 @@ def _emit_codes(
     text = codes_text(codes, comments if settings["header"] else [])
     if output is not None:  # the description first: codes never lie about without their scale
         about |= {"candidate": i, "fingerprint": campaign.fingerprint}
-        _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
+        _emit(json_text(about) + "\n", output.with_name(output.name + ".json"))
     _emit(text, output)
 
 
@@ -250,6 +250,7 @@ def ensemble(store: str, /, form: str, candidate: int | None, trajectories: bool
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import ensemble_dataset
 
+    _check(output)
     campaign = open_campaign(store)
     _emit_table(ensemble_dataset(campaign, _candidate(campaign, candidate), trajectories=trajectories), form, output)
 
@@ -266,6 +267,7 @@ def history(store: str, /, form: str, output: Path | None) -> None:
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import history_dataset
 
+    _check(output)
     _emit_table(history_dataset(open_campaign(store)), form, output)
 
 
@@ -286,18 +288,26 @@ def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
     ]
 
 
+def _check(output: Path | None) -> None:
+    """Refuse a place that cannot be written before anything is read."""
+    from softclose_workflows.tell.outputs import check_file
+
+    if output is not None and str(output) != "-":
+        check_file(output)
+
+
 def _emit(text: str, output: Path | None) -> None:
     if output is None or str(output) == "-":
         click.echo(text, nl=False)
         return
-    from softclose_workflows.exports.files import write_text
+    from softclose_workflows.tell.outputs import write_text
 
     write_text(output, text)
     click.echo(f"wrote {output}", err=True)
 
 
 def _emit_table(dataset: Any, form: str, output: Path | None) -> None:
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.tables import write_dataset
 
     if output is None or str(output) == "-":

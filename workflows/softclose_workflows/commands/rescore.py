@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 
@@ -61,10 +59,11 @@ def rescore(
 
     What is not given stays as the campaign has it.
     """
-    from softclose_workflows.analyses.certified_tables import finite, wide_console
     from softclose_workflows.analyses.rescore import Score
     from softclose_workflows.analyses.rescore import rescore as run
     from softclose_workflows.run.records import assessment_record
+    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.plain import json_text
     from softclose_workflows.tell.tables import metrics_row
 
     given = {
@@ -96,7 +95,7 @@ def rescore(
             }
             for r in ranking
         ]
-        click.echo(json.dumps(finite({"store": store, "candidates": candidates}), indent=2, allow_nan=False))
+        click.echo(json_text({"store": store, "candidates": candidates}))
         return
     from rich.table import Table
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 from softclose_workflows.commands.options import break_lock_option
@@ -33,6 +31,7 @@ def verify(
     from softclose_store import repair as repair_store
     from softclose_store import verify as verify_store
     from softclose_workflows.analyses.recompute import recompute, replay
+    from softclose_workflows.tell.plain import json_text
 
     told: dict[str, object] = {"store": store}
     lines = []
@@ -67,7 +66,7 @@ def verify(
         same = "every bit the same" if again.ok else f"{len(again.differing)} differ"
         lines.append(f"{len(again.blocks)} blocks and {len(again.waves)} waves computed again: {same}")
     told["ok"] = ok
-    click.echo(json.dumps(told, indent=2) if as_json else "\n".join(lines))
+    click.echo(json_text(told) if as_json else "\n".join(lines))
     if not ok:
         ctx.exit(1)
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from softclose_store import Campaign
 from softclose_store.schema.fields import IMPACT_QUANTITIES, POPULATION, QUANTITIES, RECORDED
-from softclose_workflows.exports.files import ExportError, whole_file
+from softclose_workflows.errors import ExportError
+from softclose_workflows.tell.outputs import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr

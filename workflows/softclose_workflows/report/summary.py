@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 from softclose.metrics.objective import Assessment
+from softclose.propose.origins import label_of
 from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.report.data import ReportData
@@ -149,6 +150,7 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
             {
                 "index": i,
                 "origin": t.origin[i],
+                "origin_label": label_of(t.origin[i]),
                 "note": t.note[i],
                 "failed": bool(t.failed[i]),
                 "cells": cells,

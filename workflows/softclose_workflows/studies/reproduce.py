@@ -6,7 +6,6 @@ depend on the presets alone, so a second run writes the same bytes.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,11 +17,13 @@ import numpy as np
 from softclose.config import load_config
 from softclose.metrics.objective import CM_S
 from softclose.metrics.paired import spread_at
-from softclose_workflows.analyses.certified_tables import finite, waveform_rows
 from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.studies.published import CASES, LIMIT_CM_S, N_PUBLISHED, presets
 from softclose_workflows.studies.reproduced import Row
 from softclose_workflows.studies.series import Effort, Member, run_series
+from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.outputs import check_folder, write_text
+from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, with_interval
 
 STORED = ("store.n_times=126",)
@@ -46,16 +47,13 @@ def members(overrides: Sequence[str] = ()) -> list[Member]:
 
 
 def reproduce(folder: str | Path, effort: Effort, overrides: Sequence[str] = ()) -> list[Row]:
-    """Run, continue or re-read every campaign; write the tables and, where matplotlib is there, the figures."""
-    from softclose_workflows.studies.reproduce_figures import draw_all
-
-    folder = Path(folder)
+    """Run, continue or re-read every campaign, and write the tables. Raises OutputError for a folder that cannot be."""
+    folder = check_folder(folder)
     campaigns = members(overrides)
     certifications = run_series(campaigns, folder / "stores", effort)
     rows = _rows(campaigns, certifications)
-    (folder / "table.json").write_text(json.dumps(to_json(rows), indent=1, allow_nan=False) + "\n", "utf-8")
-    (folder / "table.txt").write_text(to_text(rows), "utf-8")
-    draw_all(folder / "figures", rows)
+    write_text(folder / "table.json", json_text(to_json(rows), indent=1) + "\n", "--out")
+    write_text(folder / "table.txt", to_text(rows), "--out")
     return rows
 
 
@@ -111,7 +109,7 @@ def to_json(rows: Sequence[Row]) -> dict[str, Any]:
                     "mean_range_of_200_cm_s": r.mean_range,
                     "flattery_cm_s": r.certified.flattery_cm_s,
                     "n_training_switches": r.certified.training.n_switches if r.certified.training else None,
-                    "waveform": waveform_rows(r.certified),
+                    "waveform": waveform_rows(r.certified.waveform.rows()),
                     **r.certified.assessment.to_dict(),
                 }
                 for r in rows
@@ -135,10 +133,7 @@ def to_text(rows: Sequence[Row]) -> str:
 
 def print_reproduction(rows: Sequence[Row]) -> None:
     """The comparison for people."""
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    _print(console if console.is_terminal else Console(width=240, highlight=False), rows)
+    _print(wide_console(240), rows)
 
 
 def _print(console: Any, rows: Sequence[Row]) -> None:
@@ -191,5 +186,5 @@ def _print(console: Any, rows: Sequence[Row]) -> None:
     )
     for r in rows:
         console.print(f"{r.case.title}, {r.case.how}")
-        for line in describe_waveform(waveform_rows(r.certified)).splitlines():
+        for line in describe_waveform(waveform_rows(r.certified.waveform.rows())).splitlines():
             console.print(f"    {line}")

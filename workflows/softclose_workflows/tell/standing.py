@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from softclose.metrics.intervals import proportion
 from softclose.metrics.limit import Limit, limit_on
 from softclose_store import Best, open_campaign
+from softclose_workflows.tell.plain import finite, waveform_rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,24 +52,18 @@ class Standing:
 
 def best_to_json(best: Best) -> dict[str, Any]:
     """The best candidate as `status --json` prints it."""
-    return {
-        "candidate": best.candidate,
-        "g_cm_s": _number(best.g_cm_s),
-        "v_u_cm_s": _number(best.v_u_cm_s),
-        "mean_cm_s": _number(best.mean_cm_s),
-        "p_nc": _number(best.p_nc),
-        "n_switches": best.n_switches,
-        "waveform": waveform_to_json(best.waveform),
-    }
-
-
-def waveform_to_json(rows: Any) -> list[list[float | None]]:
-    """[[start, rise, peak (None where it holds), volts], …] without the rows of absent pulses."""
-    return [[_number(float(v)) for v in row] for row in rows if not math.isnan(float(row[0]))]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    said: dict[str, Any] = finite(
+        {
+            "candidate": best.candidate,
+            "g_cm_s": float(best.g_cm_s),
+            "v_u_cm_s": float(best.v_u_cm_s),
+            "mean_cm_s": float(best.mean_cm_s),
+            "p_nc": float(best.p_nc),
+            "n_switches": best.n_switches,
+            "waveform": waveform_rows(best.waveform),
+        }
+    )
+    return said
 
 
 def read_standing(path: str) -> Standing:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from softclose_workflows.tell.standing import Standing, waveform_to_json
+from softclose_workflows.tell.plain import waveform_rows
+from softclose_workflows.tell.standing import Standing
 
 
 def describe_waveform(rows: Sequence[Sequence[float | None]]) -> str:
@@ -77,4 +78,4 @@ def print_standing(standing: Standing) -> None:
     )
     if standing.limit is not None:
         console.print(standing.limit.sentence)
-    console.print(describe_waveform(waveform_to_json(best.waveform)))
+    console.print(describe_waveform(waveform_rows(best.waveform)))

@@ -1,15 +1,19 @@
-"""Owns the figures of the reproduction, drawn after the published ones. Needs matplotlib; without it there are none."""
+"""Owns the figures of the reproduction, drawn after the published ones."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from softclose.metrics.objective import CM_S
+from softclose_workflows.figures.saving import save
+from softclose_workflows.figures.style import COLOURS, PAGE_IN, style
+from softclose_workflows.tell.outputs import make_folder
 
 if TYPE_CHECKING:
     from softclose.population import Population
@@ -18,40 +22,20 @@ if TYPE_CHECKING:
 N_DRAWN = 200
 """Switches whose trajectories a figure shows, as in the published ones."""
 
-BLUE, RED, GREY = "#1f5a94", "#c0392b", "#777777"
+OURS, PRINTED, EACH = COLOURS["best"], COLOURS["deterministic"], COLOURS["unshaped"]
 
 
 def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
     """Write every figure into folder and return their paths."""
-    import matplotlib  # here: it is slow to import
-
-    matplotlib.use("agg")
-    folder.mkdir(parents=True, exist_ok=True)
-    style: Any = {
-        "svg.hashsalt": "softclose",
-        "font.size": 9,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.grid": True,
-        "grid.alpha": 0.25,
-        "figure.dpi": 100,
-    }
-    with matplotlib.rc_context(style):
+    make_folder(folder)
+    with style():
         paths = [_comparison(folder, rows), _densities(folder, rows), _populations(folder, rows)]
         paths += [_response(folder, row) for row in rows if row.case.figure or "3 pulses" in row.case.title]
     return paths
 
 
-def _figure(*args: Any, **kwargs: Any) -> Any:
-    from matplotlib.figure import Figure
-
-    figure = Figure(*args, layout="constrained", **kwargs)
-    return figure
-
-
-def _save(figure: Any, path: Path) -> Path:
-    metadata = {"Date": None, "Creator": None} if path.suffix == ".svg" else {"Software": None}
-    figure.savefig(path, metadata=metadata)
+def _save(figure: Figure, path: Path) -> Path:
+    save(figure, path, "--out")
     return path
 
 
@@ -61,28 +45,28 @@ def _label(row: Row) -> str:
 
 def _comparison(folder: Path, rows: Sequence[Row]) -> Path:
     """Published v_u against ours, and what 200 switches would show of ours."""
-    figure = _figure(figsize=(9, 0.38 * len(rows) + 1.2))
+    figure = Figure(figsize=(PAGE_IN, 0.38 * len(rows) + 1.2))
     axes = figure.subplots()
     for y, row in enumerate(rows):
         a = row.certified.assessment
-        axes.plot(row.v_u_range, (y, y), color=BLUE, lw=5, alpha=0.3, solid_capstyle="butt")
-        axes.plot(a.v_u_cm_s, y, "o", color=BLUE)
+        axes.plot(row.v_u_range, (y, y), color=OURS, lw=5, alpha=0.3, solid_capstyle="butt")
+        axes.plot(a.v_u_cm_s, y, "o", color=OURS)
         if row.case.published is not None:
-            axes.plot(row.case.published.v_u_cm_s, y, "D", color=RED, mfc="none")
-    axes.plot([], [], "o", color=BLUE, label="ours, certified")
-    axes.plot([], [], color=BLUE, lw=5, alpha=0.3, label="ours, 95 % of ensembles of 200 switches")
-    axes.plot([], [], "D", color=RED, mfc="none", label="published (N = 200)")
+            axes.plot(row.case.published.v_u_cm_s, y, "D", color=PRINTED, mfc="none")
+    axes.plot([], [], "o", color=OURS, label="ours, certified")
+    axes.plot([], [], color=OURS, lw=5, alpha=0.3, label="ours, 95 % of ensembles of 200 switches")
+    axes.plot([], [], "D", color=PRINTED, mfc="none", label="published (N = 200)")
     axes.set_yticks(range(len(rows)), [_label(row) for row in rows])
     axes.invert_yaxis()
     axes.set_xlim(left=0)
     axes.set_xlabel("upper velocity v_u [cm/s]")
-    axes.legend(loc="lower right", fontsize=8)
+    axes.legend(loc="lower right")
     return _save(figure, folder / "comparison.svg")
 
 
 def _densities(folder: Path, rows: Sequence[Row]) -> Path:
     """Densities of V, after the published Fig. 13, from every certified switch."""
-    figure = _figure(figsize=(8, 4.2))
+    figure = Figure(figsize=(PAGE_IN, 3.6))
     axes = figure.subplots()
     edges = np.arange(0.0, 60.5, 0.5)
     for row in rows:
@@ -106,7 +90,7 @@ def _populations(folder: Path, rows: Sequence[Row]) -> Path:
     for row in rows:
         population = row.config.build_population()
         configs.setdefault(population.name, population)
-    figure = _figure(figsize=(9, 5))
+    figure = Figure(figsize=(PAGE_IN, 4.0))
     axes = figure.subplots(2, 3)
     for name, population in configs.items():
         for axis, v in zip(axes.flat, VARIABLES, strict=False):
@@ -135,26 +119,26 @@ def _response(folder: Path, row: Row) -> Path:
     r = respond(config, switches, waveform, times_us=t, dtype=np.float32)
     assert r.x is not None
     assert r.v is not None
-    figure = _figure(figsize=(9, 6.4))
+    figure = Figure(figsize=(PAGE_IN, 5.2))
     axes = figure.subplots(2, 2)
     numbers = f" (compare the published Figs. {row.case.figure})" if row.case.figure else ""
-    figure.suptitle(f"{_label(row)}{numbers}", fontsize=10)
-    axes[0, 0].plot(t, waveform.voltage(t), color=BLUE)
+    figure.suptitle(f"{_label(row)}{numbers}")
+    axes[0, 0].plot(t, waveform.voltage(t), color=OURS)
     axes[0, 0].set_ylabel("u [V]")
     for axis, values, label in (
         (axes[0, 1], r.x - switches[:, :1], "x − D [µm]"),
         (axes[1, 1], r.v * CM_S, "x' [cm/s]"),
     ):
-        axis.plot(t, values.T, color=GREY, lw=0.4, alpha=0.35)
+        axis.plot(t, values.T, color=EACH, lw=0.4, alpha=0.35)
         axis.set_ylabel(label)
     for axis in (axes[0, 0], axes[0, 1], axes[1, 1]):
         axis.set_xlabel("t [µs]")
         axis.set_xlim(0, t[-1])
     v = row.certified.response.max_contact_speed * CM_S
-    axes[1, 0].hist(v[~np.isnan(v)], bins=np.arange(0.0, 60.5, 1.0), density=True, color=BLUE, alpha=0.5)
-    axes[1, 0].axvline(row.certified.assessment.v_u_cm_s, color=BLUE, label="v_u, ours")
+    axes[1, 0].hist(v[~np.isnan(v)], bins=np.arange(0.0, 60.5, 1.0), density=True, color=OURS, alpha=0.5)
+    axes[1, 0].axvline(row.certified.assessment.v_u_cm_s, color=OURS, label="v_u, ours")
     if row.case.published is not None:
-        axes[1, 0].axvline(row.case.published.v_u_cm_s, color=RED, ls="--", label="v_u, published")
+        axes[1, 0].axvline(row.case.published.v_u_cm_s, color=PRINTED, ls="--", label="v_u, published")
     axes[1, 0].set_xlabel("largest contact speed V [cm/s]")
     axes[1, 0].set_ylabel("density [s/cm]")
     axes[1, 0].legend(fontsize=8)
