@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from softclose.propose.design import design_point
+from softclose.propose.inputs import SWING
 from softclose.propose.origins import FALLBACK, GLOBAL, LOCAL, POLISH, RESTART, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, search_history
 from softclose.propose.sobol import sobol_points

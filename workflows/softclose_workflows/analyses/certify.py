@@ -25,6 +25,7 @@ from softclose_workflows.analyses.certification import CertifyError as CertifyEr
 from softclose_workflows.analyses.certification import Request, assemble, candidate_name
 from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
 from softclose_workflows.analyses.references import reference_designs
+from softclose_workflows.run import needs
 from softclose_workflows.run.records import StoredResponse
 from softclose_workflows.tell.console import Step
 
