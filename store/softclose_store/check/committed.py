@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from zarr.abc.store import Store
 
 from softclose_store.disk.names import chunk_key
-from softclose_store.errors import DamageError
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.read.table import ORIGIN, RECORD, Table
 from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
@@ -31,7 +30,7 @@ class Remains:
 
 
 def remains(files: Store, layout: Layout, keys: Collection[str], where: str) -> Remains:
-    """Count the candidates of a store without its root; raises DamageError where blocks remain and no table."""
+    """Count the candidates of a store without its root."""
     table = Table(layout, layout.n_candidates)
     table.load(files, layout.n_candidates, where, tolerate_damage=True)
     written = table.digests[:, RECORD] != 0
@@ -50,15 +49,9 @@ def remains(files: Store, layout: Layout, keys: Collection[str], where: str) -> 
         np.asarray(np.isfinite(table.wall_times).any(axis=1)),
     )
     n = max(_last(rows) for rows in said)
-    kept = any(chunk_key(name, i, 0) in keys and (name, i) not in table.damaged for name in TABLES for i in [i_chunk])
-    has_blocks = any(f"/{MARKER.name}/c." in key for key in keys)
-    if n == 0 and has_blocks and not kept and any((name, 0) in table.damaged for name in TABLES):
-        raise DamageError(
-            f"{where}: the root is lost, and no table says any more how many candidates were committed; the blocks "
-            "alone do not tell: run the configuration again into another path"
-        )
     # An empty store has no tables yet, and no blocks either: that is certain.
-    return Remains(n=n, certain=n == 0 and not has_blocks, hyperparameters=names)
+    nothing = n == 0 and not any(f"/{MARKER.name}/c." in key for key in keys)
+    return Remains(n=n, certain=nothing, hyperparameters=names)
 
 
 def _last(rows: NDArray[Any]) -> int:

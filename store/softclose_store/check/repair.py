@@ -186,7 +186,10 @@ def _rebuild_root(files: Store, source: Root, layout: Layout, recompute: Recompu
     root = source.committed(n, n_waves, found.hyperparameters)
     root = root.with_runtime(_runtime_on_disk(files) or _runtime(source))
     write_root(files, root)
-    log.add(f"{ROOT_KEY} rebuilt with {n} committed candidates", proved=found.certain)
+    what = f"{ROOT_KEY} rebuilt with {n} committed candidates"
+    if not found.certain:
+        what += ": the most that any table says; a resume takes up whatever blocks there are beyond"
+    log.add(what, proved=found.certain)
     return root
 
 
@@ -242,8 +245,11 @@ def _repair_waves(store: RepairStore, recompute: Recompute, report: Report, log:
                 store.restore_timings(i)
                 log.add(f"timings of candidate {i} are lost", proved=False)
         start += size
-    if kinds or any(p.kind == "static" for p in report.problems):
+    names = [p.key for p in report.problems if p.kind == "static"]  # those that only grow: the frame has no others left
+    if kinds or names:
         store.write_restored()
+    for key in names:
+        log.add(f"{key} written again", proved=True)
 
 
 def _repair_proposal(store: RepairStore, i: int, row: Mapping[str, Any], log: _Log) -> None:
@@ -310,7 +316,7 @@ def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _
     files = open_files(path, read_only=False)
     for problem in report.problems:
         if problem.kind == "group" and problem.key:
-            write_key(files, problem.key, json.dumps(PLAIN_GROUP).encode())
+            write_key(files, problem.key, json.dumps(PLAIN_GROUP, indent=2).encode())
             log.add(f"{problem.key} written again", proved=True)
     for name in report.damaged_groups:
         if recompute.group is not None and recompute.group(normalised(path), name):

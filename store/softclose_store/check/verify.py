@@ -90,7 +90,7 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
         n_committed = root.n_committed
         if usable:
             if "root" in {p.kind for p in check.problems} and not _reads(files, where):
-                n_committed = _count(check, layout)
+                n_committed = remains(files, layout, check.keys, where).n
             _check_hyperparameters(check, root)
             _check_candidates(check, n_committed, layout)
         _check_groups(check, root.metadata)
@@ -111,14 +111,6 @@ def _reads(files: Store, where: str) -> bool:
     except (DamageError, StoreMissingError):
         return False
     return True
-
-
-def _count(check: _Check, layout: Layout) -> int:
-    try:
-        return remains(check.files, layout, check.keys, check.where).n
-    except DamageError as e:
-        check.add("root", str(e), key=ROOT_KEY)
-        return 0
 
 
 def _check_root(check: _Check) -> Root | None:
