@@ -290,11 +290,11 @@ class CampaignConfig:
             raise ValueError(
                 "campaign.budget and explore.budget are both 0: there is nothing to evaluate; raise one of them"
             )
-        e = self.explore
-        largest = math.ceil(e.n_descents / e.turns) * max(e.n_scouts, e.generation)
+        x = self.explore
+        largest = math.ceil(x.n_descents / x.turns) * max(x.n_scouts, x.generation)
         if largest > MOST_IN_A_WAVE:
             raise ValueError(
-                f"explore.n_descents {e.n_descents} in {e.turns} turns make a wave of {largest} candidates; at most "
+                f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
                 f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
             )
         self._choose_chunks()

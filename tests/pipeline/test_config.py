@@ -104,6 +104,7 @@ def test_every_section_documents_its_keys() -> None:
         "waveform",
         "objective",
         "optimiser",
+        "explore",
         "finish",
         "compute",
         "store",
