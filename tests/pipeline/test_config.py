@@ -175,6 +175,7 @@ def test_every_section_documents_its_keys() -> None:
         "objective",
         "reference",
         "optimiser",
+        "explore",
         "finish",
         "compute",
         "store",

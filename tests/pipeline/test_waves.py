@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bowl import bits, observe, problem_of, run
 from softclose.config import ConfigError, load_config
 from softclose.propose.descents import AGAIN, Descent
+from softclose.propose.design import design_point
 from softclose.propose.explore import explore_ladder
 from softclose.propose.ladder import build_ladder, courses, owner
 from softclose.propose.origins import EXPLORE, EXTRA, FALLBACK, INITIAL, POLISH, RERANK, SCOUT, SOBOL
@@ -163,15 +164,16 @@ def test_who_goes_on_is_decided_by_visible_records_only():
 
 
 def test_a_descent_that_has_converged_begins_again_around_its_mean():
-    run_ = Descent(np.full(3, 0.5), 0.1, 8, np.random.default_rng(1))
-    for _ in range(300):
-        run_.tell(15.0 + ((run_.points() - 0.3) ** 2).sum(axis=1))
-    widths = [run_.points().std(axis=0).mean()]
-    assert abs(run_.points() - 0.3).max() < 0.3
-    for _ in range(60):
-        run_.tell(15.0 + ((run_.points() - 0.3) ** 2).sum(axis=1))
-        widths.append(run_.points().std(axis=0).mean())
-    assert max(widths) > 0.3 * AGAIN * 0.1
+    run_ = Descent(problem_of().space, np.full(6, 0.5), 0.1, 8, np.random.default_rng(1))
+    widths = []
+    for _ in range(250):
+        points = run_.points()
+        assert np.abs(points - 0.3).max() < 0.7
+        widths.append(points.std(axis=0).mean())
+        run_.tell(15.0 + ((points - 0.3) ** 2).sum(axis=1))
+    converged = int(np.argmin(widths))
+    assert widths[converged] < 1e-5
+    assert max(widths[converged:]) > 0.3 * AGAIN * 0.1
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3])
@@ -239,6 +241,29 @@ def test_failed_candidates_and_fallbacks_teach_a_descent_nothing():
 def test_descents_find_the_bottom_of_a_bowl():
     history, _ = run(exploring(budget=0, n_descents=2, turns=1, generation=10, n_scouts=10))
     assert min(o.g_cm_s for o in history) < 15.1 < min(o.g_cm_s for o in history if o.origin == SCOUT)
+
+
+@pytest.mark.parametrize("space", ["two-pulse-full", "three-pulse-full"])
+def test_every_fourth_descent_begins_slowly_where_the_last_pulse_holds(space):
+    problem = problem_of("sobol", waveform={"space": space})
+    horizon = problem.config.model.horizon_us
+    for attempt, slow in ((0, False), (1, False), (2, False), (3, True), (7, True)):
+        waveforms = problem.space.waveforms([design_point(problem, k, "scout", attempt) for k in range(40)])
+        assert all((w.pulses[-1].rise_us > 0.69 * horizon) is slow for w in waveforms)
+    paper = problem_of("paper")
+    assert all(w.pulses[0].rise_us == 4.0 for w in paper.space.waveforms([design_point(paper, 0, "scout", 3)]))
+
+
+def test_a_descent_in_the_tail_of_an_axis_searches_the_tail():
+    """A rise over the horizon lies in the last fiftieth of its axis: steps of the core's width would all leave it."""
+    space = problem_of("sobol").space
+    start = np.full(space.dim, 0.5)
+    rise = space.names.index("rise2")
+    start[rise] = 0.99
+    points = Descent(space, start, 0.12, 40, np.random.default_rng(1)).points()
+    assert points[:, rise].min() > 0.98
+    assert points[:, rise].std() > 0.0005
+    assert points[:, 0].std() > 0.05
 
 
 # The finishing stage.

@@ -22,6 +22,7 @@ from softclose_workflows.studies.series import Effort
 TINY = (
     "campaign.budget=3",
     "population.n_switches=40",
+    "explore.budget=0",
     "finish.budget=0",
     "compute.block_switches=0",
     "store.n_times=6",

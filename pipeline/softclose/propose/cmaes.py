@@ -49,4 +49,4 @@ def _generation(problem: Problem) -> int:
 def _begin(problem: Problem, run: int) -> Descent:
     dim = problem.space.dim
     start = np.full(dim, 0.5) if run == 0 else initial_point(problem, run - 1, "cmaes")
-    return Descent(start, SIGMA, _generation(problem), problem.generator("cmaes", run))
+    return Descent(problem.space, start, SIGMA, _generation(problem), problem.generator("cmaes", run))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.propose.protocol import Problem
+from softclose.waveform.spaces import Space
 
 FloatArray = NDArray[np.float64]
 
@@ -28,8 +29,11 @@ AGAIN = 0.4
 class Descent:
     """One run of CMA-ES in the unit cube."""
 
-    def __init__(self, start: FloatArray, sigma: float, generation: int, draw: np.random.Generator) -> None:
+    def __init__(
+        self, space: Space, start: FloatArray, sigma: float, generation: int, draw: np.random.Generator
+    ) -> None:
         self.told: list[FloatArray] = []
+        self._space = space
         self._sigma, self._draw = sigma, draw
         self._generation = generation
         self._strategy = self._begin(start, sigma)
@@ -38,16 +42,19 @@ class Descent:
     def _begin(self, start: FloatArray, sigma: float) -> Any:
         import cma  # imported where it is used: it is slow to import
 
+        widths = self._space.widths(start)
         options: dict[str, Any] = {
             "bounds": [0.0, 1.0],
             "verbose": -9,
             "seed": math.nan,  # no seeding of numpy's global generator: ours draws
             "randn": lambda n, d: self._draw.standard_normal((n, d)),
             "popsize": self._generation,
+            # A coordinate that begins in the tail of its axis is searched on the tail's scale.
+            "CMA_stds": widths,
         }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return cma.CMAEvolutionStrategy(np.clip(start, 0.01, 0.99), sigma, options)
+            return cma.CMAEvolutionStrategy(np.clip(start, 0.01 * widths, 1.0 - 0.01 * widths), sigma, options)
 
     def points(self) -> FloatArray:
         """(generation, d) what it wants to know next; the same until it is told."""

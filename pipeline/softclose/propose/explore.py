@@ -118,7 +118,7 @@ def _start(problem: Problem, ladder: Ladder, who: int, course: Course, history: 
 
 def _begin(problem: Problem, who: int, start: FloatArray) -> Descent:
     settings = problem.config.explore
-    return Descent(start, settings.sigma, settings.generation, problem.generator("descent", who))
+    return Descent(problem.space, start, settings.sigma, settings.generation, problem.generator("descent", who))
 
 
 def _scout(problem: Problem, who: int, place: int) -> FloatArray:

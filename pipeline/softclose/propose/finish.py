@@ -140,7 +140,7 @@ def _run(
     start = problem.space.unit(basin.waveform, clip=True)
 
     def begin() -> Descent:
-        return Descent(start, sigma, problem.config.explore.generation, problem.generator("polish", who))
+        return Descent(problem.space, start, sigma, problem.config.explore.generation, problem.generator("polish", who))
 
     return continued(problem, ("polish", who, start.tobytes()), begin, told)
 

@@ -81,7 +81,7 @@ class SkoptEngine:
         region = replay(data.g.tolist(), data.origins, _rules(problem))
         since = wave.start - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
         if region.begin and (since < settings.n_restart or region.incumbent is None):
-            return proposals(design(since, f"again{region.restarts}", region.restarts), RESTART)
+            return proposals(design(since, f"again{region.restarts}", region.restarts % 2), RESTART)
         number = (wave.start - settings.n_initial) // settings.batch
         everywhere = settings.global_every > 0 and number % settings.global_every == settings.global_every - 1
         draw = problem.generator("acquire", wave.start)

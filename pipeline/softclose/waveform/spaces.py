@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from softclose.naming import unknown_name
 from softclose.plate import EPSILON_0, holding_voltage, pull_in_voltage
-from softclose.waveform.coordinates import Coordinate
+from softclose.waveform.coordinates import FAR, Coordinate
 from softclose.waveform.pulses import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -185,7 +185,7 @@ class Space:
         """(d,) coordinates, outside [0, 1] where the waveform is outside the ranges. Raises SpaceError on another
         form."""
         self._check_form(waveform)
-        return np.asarray(self._coordinates(waveform.rows()[None])[0])
+        return np.asarray(self.coordinates_of_rows(waveform.rows()[None])[0])
 
     def coordinates_of_all(self, waveforms: Sequence[Waveform]) -> tuple[FloatArray, NDArray[np.intp]]:
         """(m, d) coordinates of those waveforms that have the form of this space, as `coordinates_of`, and (m,) their
@@ -199,7 +199,7 @@ class Space:
             places.append(place)
             rows.append(waveform.rows())
         table = np.array(rows, dtype=np.float64).reshape(-1, self.n_pulses, 4)
-        return self._coordinates(table), np.array(places, dtype=np.intp)
+        return self.coordinates_of_rows(table), np.array(places, dtype=np.intp)
 
     def _check_form(self, waveform: Waveform) -> None:
         """Raise SpaceError where the waveform has another number of pulses, another last pulse or another fixed
@@ -222,11 +222,17 @@ class Space:
     def canonical(self, points: ArrayLike) -> FloatArray:
         """(d,) or (n, d) the points that stand for the waveforms of `points`, after every repair."""
         points = np.asarray(points, dtype=np.float64)
-        found = self._coordinates(self.admissible_rows(points.reshape(-1, self.dim)))
+        found = self.coordinates_of_rows(self.admissible_rows(points.reshape(-1, self.dim)))
         return np.clip(found, 0.0, 1.0).reshape(points.shape)
 
-    def _coordinates(self, rows: FloatArray) -> FloatArray:
-        """(n, n_pulse, 4) rows -> (n, d) coordinates, not clipped."""
+    def widths(self, point: ArrayLike) -> FloatArray:
+        """(d,) how wide each axis is around a point: its core, or the tail in which the point is."""
+        point = np.asarray(point, dtype=np.float64)
+        begin, end = np.array([c.core for c in self.coordinates]).T
+        return np.where((point < begin) | (point > end), FAR, 1.0)
+
+    def coordinates_of_rows(self, rows: FloatArray) -> FloatArray:
+        """(n, n_pulse, 4) rows start, rise, peak [µs], volts -> (n, d) coordinates, not clipped."""
         out = np.empty((len(rows), self.dim))
         centre = [
             rows[:, j, 0] + _to_centre(rows[:, j, 1], rows[:, j, 2], last=j == self.n_pulses - 1)

@@ -29,7 +29,13 @@ from softclose_workflows.tell.tables import describe_waveform, with_interval
 STORED = ("store.n_times=126",)
 """Trajectories every 2 µs: the figures simulate their own 200 switches, on a finer grid."""
 
-QUICK = ("campaign.budget=24", "population.n_switches=200", "finish.budget=0", "optimiser.n_initial=12")
+QUICK = (
+    "campaign.budget=24",
+    "population.n_switches=200",
+    "explore.budget=0",
+    "finish.budget=0",
+    "optimiser.n_initial=12",
+)
 """Settings of --quick: minutes instead of a quarter of an hour, and worse optima."""
 
 QUICK_SWITCHES = 10_000
