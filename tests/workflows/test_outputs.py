@@ -110,7 +110,7 @@ def test_a_file_appears_whole_or_the_old_one_stays(tmp_path: Path) -> None:
 def test_a_place_that_fails_only_when_it_is_written_is_one_message_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> None:
+    def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full)
