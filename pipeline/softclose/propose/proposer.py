@@ -12,7 +12,17 @@ from threadpoolctl import threadpool_limits
 
 from softclose.propose.origins import FALLBACK, INITIAL
 from softclose.propose.plan import SEARCH
-from softclose.propose.protocol import Engine, Observation, Problem, Proposal, Wave, WaveEngine, load_engine, seen_by
+from softclose.propose.protocol import (
+    Engine,
+    EngineError,
+    Observation,
+    Problem,
+    Proposal,
+    Wave,
+    WaveEngine,
+    load_engine,
+    seen_by,
+)
 from softclose.propose.sobol import initial_point
 from softclose.waveform import Waveform
 
@@ -51,6 +61,8 @@ class Proposer:
                     raise ValueError(f"{len(asked)} proposals for a wave of {rest.size}")
             else:
                 asked = self._one_by_one(engine, rest, history, in_flight)
+        except EngineError:
+            raise  # it does not fit the search, or is not installed: no candidate of it ever will
         except _FAILURES as e:
             asked = [e] * rest.size
         return (*found, *(self._checked(name, rest, k, proposal) for k, proposal in enumerate(asked)))
@@ -69,6 +81,8 @@ class Proposer:
         for index in range(wave.start, wave.stop):
             try:
                 proposal = engine.propose(self._problem, index, history, in_flight)
+            except EngineError:
+                raise
             except _FAILURES as e:
                 found.append(e)
                 continue

@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from softclose.waveform.spaces import Scales, Space, build_space
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig
     from softclose.population import Population
-    from softclose.propose.descents import Descent
     from softclose.propose.swing import Lot
 
 
@@ -139,7 +138,7 @@ class Problem:
         return {}
 
     @cached_property
-    def descents(self) -> dict[Hashable, Descent]:
+    def descents(self) -> dict[Hashable, Any]:
         """The latest state of every descent: a cache, see `descents.continued`."""
         return {}
 
