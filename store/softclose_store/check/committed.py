@@ -13,7 +13,7 @@ from zarr.abc.store import Store
 from softclose_store.disk.names import chunk_key
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.read.table import ORIGIN, RECORD, Table
-from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
+from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER
 from softclose_store.schema.layout import Layout
 
 
