@@ -66,9 +66,8 @@ def cpu(function: Callable[[], Any]) -> float:
     return time.process_time() - start
 
 
-def respond(rows: list[tuple[float, ...]], n: int) -> Responses:
-    """The responses of n switches of the default population."""
-    switches = load_population("current").sample(n, seed=1)
+def respond(switches: np.ndarray[Any, Any], rows: list[tuple[float, ...]]) -> Responses:
+    """The responses of switches of the default population."""
     return simulate(switches, Waveform.from_rows(rows), times_us=TIMES_US, dtype=np.float32, max_impacts=MAX_IMPACTS)
 
 
