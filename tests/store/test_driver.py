@@ -2,6 +2,7 @@
 
 import asyncio
 import errno
+import os
 from collections import Counter
 from dataclasses import replace
 
@@ -384,6 +385,31 @@ def test_a_durable_store_holds_the_same_bits(path, tmp_path):
         for name in a.variables:
             if not name.startswith("wall_"):
                 assert a[name].equals(b[name]), name
+
+
+def test_a_durable_store_syncs_every_file_and_its_folder_before_the_commit_that_relies_on_it(tmp_path, monkeypatch):
+    path = tmp_path / "durable.zarr"
+    create(path, durable=True)
+    steps = []
+    opened = {}
+    real_open, real_fsync, real_replace = os.open, os.fsync, os.replace
+
+    def open_file(name, *rest, **options):
+        descriptor = real_open(name, *rest, **options)
+        opened[descriptor] = os.fspath(name)
+        return descriptor
+
+    monkeypatch.setattr(os, "open", open_file)
+    monkeypatch.setattr(os, "fsync", lambda d: (real_fsync(d), steps.append(("sync", opened[d])))[0])
+    monkeypatch.setattr(os, "replace", lambda a, b: (real_replace(a, b), steps.append(("rename", a, b)))[0])
+    run(path, 4)
+    renames = [(k, step[1], step[2]) for k, step in enumerate(steps) if step[0] == "rename"]
+    commit = max(k for k, _, target in renames if target == f"{path}/zarr.json")
+    assert commit == renames[-1][0]  # the root is the last file of a wave
+    assert len(renames) == 6 * 5 + 1 + 5 + 1  # six blocks, the surrogate's names, five tables, the root
+    for k, temporary, target in renames:
+        assert ("sync", temporary) in steps[:k], target
+        assert ("sync", os.path.dirname(target)) in steps[k + 1 : max(commit, k + 2)], target
 
 
 def test_a_run_adds_itself_to_the_runtime_group(path):

@@ -4,6 +4,8 @@ import json
 import pickle
 import subprocess
 import sys
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -12,8 +14,12 @@ import xarray
 import zarr
 from numpy.testing import assert_array_equal
 
+import small_store
 from small_store import block, create, layout, proposal, run, write_wave
-from softclose_store import DriverStore, StoreError, open_campaign
+from softclose_store import SCHEMA_VERSION, DriverStore, StoreError, open_campaign, verify
+from stores import differences
+
+GOLDEN = Path(__file__).parent / "golden"
 
 
 @pytest.fixture(scope="module")
@@ -220,3 +226,25 @@ def test_opening_a_store_reads_no_block(tmp_path):
     lazy = campaign.trajectories(0)
     assert lazy.x.shape == (10, 11)
     assert lazy.x.dtype == np.float32
+
+
+def test_the_golden_store_of_this_schema_reads_verifies_and_continues(tmp_path):
+    path = tmp_path / "golden.zarr"
+    with zipfile.ZipFile(GOLDEN / f"version-{SCHEMA_VERSION}.zip") as archive:
+        archive.extractall(path)
+    campaign = open_campaign(path)
+    assert (campaign.schema_version, campaign.committed, campaign.n_waves, campaign.budget) == (2, 5, 2, 8)
+    assert (campaign.config, campaign.algorithm) == (small_store.CONFIG, small_store.ALGORITHM)
+    assert campaign.best().candidate == 2
+    assert campaign.history().note[1] == "größer"
+    assert_array_equal(campaign.trajectories(0).x[4:8], block(layout(), "search", 0, 1)["x"][0])
+    assert xarray.open_datatree(path, engine="zarr")["search"].sizes["stage_candidate"] == 5
+    report = verify(path)
+    assert report.ok, report.problems
+    assert report.n_blocks == 12  # those of the wave in flight, too
+    in_flight = (path / "finish" / "x" / "c.1.1.0").stat().st_mtime_ns
+    run(path)
+    assert (path / "finish" / "x" / "c.1.1.0").stat().st_mtime_ns == in_flight
+    create(tmp_path / "new.zarr")
+    run(tmp_path / "new.zarr")
+    assert differences(path, tmp_path / "new.zarr") == []
