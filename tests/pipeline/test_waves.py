@@ -290,6 +290,19 @@ def test_basins_that_the_search_does_not_have_are_made_up_beside_the_best():
     assert [o.origin for o in history[4:]] == [RERANK] * 4 + [EXTRA] * 4
 
 
+def test_a_single_basin_is_polished_twice_where_two_were_asked_for():
+    problem = problem_of("sobol", 1, finish={"budget": 27, "n_basins": 3, "n_polished": 2})
+    history, _ = run(problem)
+    assert [o.origin for o in history[1:]] == [RERANK] + [EXTRA] * 2 + [POLISH] * 24
+
+
+def test_where_nothing_is_usable_the_finish_says_so():
+    problem = problem_of("sobol", 4, finish={"budget": 12})
+    _, proposals = run(problem, failing=set(range(16)))
+    assert {p.origin for p in proposals[4:]} == {EXTRA}
+    assert "no usable candidate" in proposals[-1].note
+
+
 def test_a_polish_goes_on_with_the_shape_that_its_descent_has_learnt():
     """A descent along a narrow valley is polished along the valley; begun afresh it would step across it."""
     problem = problem_of(

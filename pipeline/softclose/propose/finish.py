@@ -106,12 +106,15 @@ def _descend(problem: Problem, wave: Wave, history: Sequence[Observation], basin
     ranked = [basins[i] for i in np.argsort(again, kind="stable")]
     number = ladder.step_at(wave.start - first)
     known, sharing = courses(ladder, 0, number, stage_g(history, first, wave.start))
+    if not ranked:
+        return np.empty((0, problem.space.dim))
     runs: dict[int, Descent] = {}
     claimed: set[int] = set()
-    for who, basin in enumerate(ranked[: ladder.n_descents]):
+    for who in range(ladder.n_descents):
+        basin = ranked[min(who, len(ranked) - 1)]
         found = past(problem, history, basin.index)
         if found is not None and found[0] in claimed:
-            found = None
+            found = None  # its descent goes on already: this one begins afresh
         if found is not None:
             claimed.add(found[0])
         if who in sharing:

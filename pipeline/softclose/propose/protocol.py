@@ -7,6 +7,7 @@ any process gives the same answer (DESIGN §2).
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
@@ -59,7 +60,7 @@ class Observation:
     @property
     def usable(self) -> bool:
         """True where g is a number."""
-        return not self.failed and bool(np.isfinite(self.g_cm_s))
+        return not self.failed and math.isfinite(self.g_cm_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
