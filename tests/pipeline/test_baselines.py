@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from softclose.baselines import (
     unshaped,
 )
 from softclose.plate import EPSILON_0, PLATE_AREA_UM2, holding_voltage
-from softclose.population.distributions import Bounded
+from softclose.population.distributions import Bounded, PopulationError
 
 
 @pytest.mark.parametrize("name", ["current", "modified", "process-improved", "paper-text"])
@@ -107,3 +108,14 @@ def test_a_design_that_cannot_exist_is_refused_with_the_reason() -> None:
 
 def test_the_unshaped_drive_is_an_ideal_step() -> None:
     assert unshaped(80.0).voltage([0.0, 1e-9, 250.0]).tolist() == [80.0, 80.0, 80.0]
+
+
+def test_a_fitted_population_is_designed_for_on_its_own_plate_area() -> None:
+    current = load_population("current")
+    fitted = replace(current, plate_area_um2=15000.0)
+    assert (
+        largest_holding_voltage(fitted) == largest_holding_voltage(current, 15000.0) > largest_holding_voltage(current)
+    )
+    assert deterministic_design(fitted) == deterministic_design(current, plate_area_um2=15000.0)
+    with pytest.raises(PopulationError, match="fitted with 15000 µm²"):
+        deterministic_design(fitted, plate_area_um2=PLATE_AREA_UM2)

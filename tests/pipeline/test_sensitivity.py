@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 
 from softclose import load_population
 from softclose.baselines import unshaped
+from softclose.config import CampaignConfig, load_config
+from softclose.population import PopulationError
 from softclose.uncertainty import sensitivity as module
 from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
 
@@ -63,3 +66,18 @@ def test_sizes_that_give_no_indices_are_refused() -> None:
         sensitivity(CURRENT, unshaped(), n=100)
     with pytest.raises(SensitivityError, match="n_replicates is 1"):
         sensitivity(CURRENT, unshaped(), n_replicates=1)
+
+
+def test_a_fitted_population_is_asked_on_its_own_plate_area(monkeypatch: pytest.MonkeyPatch) -> None:
+    used: list[float] = []
+
+    def noted(config: CampaignConfig, switches: np.ndarray, waveform: object) -> Any:
+        used.append(config.model.plate_area_um2)
+        return _linear(config, switches, waveform)
+
+    monkeypatch.setattr(module, "respond", noted)
+    fitted = replace(CURRENT, plate_area_um2=15000.0)
+    sensitivity(fitted, unshaped(), n=2, n_replicates=2)
+    assert set(used) == {15000.0}
+    with pytest.raises(PopulationError, match="fitted with 15000 µm²"):
+        sensitivity(fitted, unshaped(), n=2, n_replicates=2, config=load_config({}))

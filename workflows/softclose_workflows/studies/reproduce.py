@@ -47,9 +47,8 @@ PUBLISHED_STEP = "reference.step_volts=100.0"
 
 def members(overrides: Sequence[str] = ()) -> list[Member]:
     """One campaign per preset."""
-    return [
-        Member(name=preset, config=load_config(preset, [*STORED, PUBLISHED_STEP, *overrides])) for preset in presets()
-    ]
+    settings = [*STORED, PUBLISHED_STEP, *overrides]
+    return [Member(name=preset, config=load_config(preset, settings)) for preset in presets()]
 
 
 def reproduce(folder: str | Path, effort: Effort, overrides: Sequence[str] = ()) -> list[Row]:
