@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from softclose import assess
+from softclose.metrics import intervals
 from softclose.metrics.objective import ObjectiveError
 
 
@@ -131,20 +132,63 @@ def test_intervals_and_standard_error_of_g_hold_in_simulation(form: dict[str, ob
     assert np.mean([a.g_se_cm_s for a in lots]) == pytest.approx(g.std(), rel=0.1)
 
 
+@pytest.mark.parametrize("open_", [slice(90, 96), slice(0, 30), slice(85, 100)])
+def test_the_error_of_g_counts_that_v_u_and_p_nc_err_together(open_: slice) -> None:
+    v = np.concatenate([np.linspace(5.0, 30.0, 100) ** 1.5, np.full(20, np.nan)])
+    closed = ~np.isnan(v)
+    closed[open_] = False
+    a = assess(Made(v / 100.0, closed))
+    # What one switch more does to either estimate; 90 of 100 are at most v_u, so both have mean 0.
+    on_v_u = np.where(np.isnan(v), 0.0, 0.9 - (v <= a.v_u_cm_s + 1e-9))
+    together = np.corrcoef(on_v_u, ~closed - a.p_nc)[0, 1]
+    alone = intervals.quantile_standard_error(v[:100], 0.9)
+    open_error = 25.0 * np.ptp(intervals.wilson(a.n - a.n_closed, a.n)) / (2.0 * 1.959964)
+    expected = math.sqrt(alone**2 + open_error**2 + 2.0 * together * alone * open_error)
+    assert a.g_se_cm_s == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_error_of_g_vanishes_at_most_where_the_slow_switches_stay_open() -> None:
+    v = np.linspace(10.0, 20.0, 11)
+    a = assess(Made(v / 100.0, np.arange(11) == 10))  # their influences would correlate below -1 at this small n
+    open_error = 25.0 * np.ptp(intervals.wilson(10, 11)) / (2.0 * 1.959964)
+    assert a.g_se_cm_s == pytest.approx(abs(intervals.quantile_standard_error(v, 0.9) - open_error), rel=1e-6)
+
+
+def test_the_interval_of_g_is_v_us_widened_by_what_p_nc_may_be() -> None:
+    v = np.linspace(10.0, 20.0, 200)
+    a = assess(_made(list(v)))  # all closed: p_nc can only be larger
+    low, high = intervals.quantile_interval(v, 0.9)
+    assert a.v_u_interval == pytest.approx((low, high))
+    assert a.g_interval[0] == pytest.approx(low)
+    assert a.g_interval[1] - a.g_cm_s == pytest.approx(math.hypot(high - a.v_u_cm_s, 25.0 * a.p_nc_intervals.wilson[1]))
+
+
+def test_zero_bounds_a_speed_that_no_draw_bounds() -> None:
+    assert assess(_made([5.0, 6.0]), level=0.1).v_u_interval[0] == 0.0
+
+
+def test_one_switch_has_an_upper_velocity_and_no_error_of_it() -> None:
+    a = assess(_made([12.0]))
+    assert a.v_u_cm_s == pytest.approx(12.0)
+    assert 0.0 < a.g_se_cm_s < 25.0
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
         ({"level": 90}, "level is 90; it must lie between 0 and 1"),
         ({"level": "0.9"}, "level is '0.9'"),
-        ({"c1_cm_s": -1.0}, "c1_cm_s is -1"),
+        ({"level": 0.0}, "level is 0"),
+        ({"level": 1.0}, "level is 1"),
+        ({"c1_cm_s": -0.5}, "c1_cm_s is -0.5"),
         ({"c1_cm_s": math.nan}, "c1_cm_s is nan"),
-        ({"min_contact": 2}, "min_contact is 2"),
-        ({"limits_cm_s": (-3.0,)}, "limits_cm_s has -3"),
+        ({"min_contact": 1.5}, "min_contact is 1.5"),
+        ({"limits_cm_s": (-0.5,)}, "limits_cm_s has -0.5"),
         ({"form": "chanse"}, "one of penalty, chance"),
         ({"form": "chance"}, "needs p_max"),
         ({"form": "chance", "p_max": 5}, "p_max is 5"),
         ({"p_max": 0.1}, "use form 'chance'"),
-        ({"confidence": 95}, "confidence is 95"),
+        ({"confidence": 1.0}, "confidence is 1"),
     ],
 )
 def test_bad_settings_are_named(settings: dict[str, object], words: str) -> None:
@@ -158,7 +202,8 @@ def test_bad_settings_are_named(settings: dict[str, object], words: str) -> None
         (Made(np.zeros((2, 2)), np.zeros((2, 2), dtype=bool)), "must be .n,."),
         (Made(np.zeros(0), np.zeros(0, dtype=bool)), "one or more switches"),
         (Made(np.zeros(3), np.zeros(2, dtype=bool)), "max_contact_speed has shape .3,. and closed .2,."),
-        (Made(np.array([-1.0]), np.array([True])), "infinite or negative"),
+        (Made(np.array([0.1, -1.0]), np.array([True, True])), "infinite or negative"),
+        (Made(np.array([0.1, math.inf]), np.array([True, True])), "infinite or negative"),
         (MadeWithStatus(np.ones(2), np.ones(2, dtype=bool), np.zeros(3, dtype=np.int8)), "status has shape"),
     ],
 )

@@ -220,7 +220,8 @@ def _association(v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: flo
         return 0.0
     covariance = float((level - (v[open_] <= v_u)).sum()) / n
     spread = math.sqrt(level * (1.0 - level) * v.size / n * p_nc * (1.0 - p_nc))
-    return min(max(covariance / spread, -1.0), 1.0)
+    # Not above 1: at most 1 - level of the switches lie above v_u. Rounding v_u's rank up can take it below -1.
+    return max(covariance / spread, -1.0)
 
 
 def _arrays(response: Response) -> tuple[FloatArray, NDArray[np.bool_], int]:

@@ -33,7 +33,7 @@ class TrustRegionRules:
     fresh_before: int | None = None
     """Number of records from which no restart begins elsewhere, since too few would remain; None: all may."""
     improvement_cm_s: float
-    """Least decrease of g that counts as a success."""
+    """A decrease of g by more than this counts as a success."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +43,10 @@ class TrustRegion:
     length: float
     """Width of the box before the weights of the axes."""
     incumbent: int | None
-    """Position of the best record of this restart in the history; None where there is none."""
+    """Position in the history of the best record of this restart, or of all where it opened around that one; None
+    where there is none."""
     begin: int
-    """Position in the history at which this restart began."""
+    """Position in the history at which the last restart elsewhere began."""
     restarts: int
     """Restarts so far."""
 
