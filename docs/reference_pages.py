@@ -170,44 +170,60 @@ def kind(annotation: Any) -> str:
 
 
 def schema_page() -> str:
-    """Every array of a store: dimensions, type, unit, meaning, who writes it."""
-    from softclose_store import layout
+    """Every array of a store: dimensions, type, unit, meaning, who writes it; and every field of its tables."""
+    from softclose_store.schema import fields, hierarchy
 
     lines = [
         "# Store schema",
         "",
-        f"Schema version {layout.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy; the arrays lie at its root, "
-        "with named dimensions and `units` in their attributes. Lengths along `candidate` are those of the committed "
-        "candidates.",
+        f"Schema version {fields.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy with named dimensions and "
+        "`units` in the attributes of its arrays. At its root lie the ensemble and the tables, a row per candidate; "
+        "each stage of the campaign (`search`, `explore`, `finish`) is a group that holds what was kept of every "
+        "switch. Lengths along `candidate` and `stage_candidate` are those of the committed candidates.",
         "",
-        "The roles say who writes what: *switch* arrays come from the workers, chunk by chunk; *proposal* and *record* "
-        "arrays from the driver, before and after the chunks; *wall* arrays hold timings, the only values that two "
-        "runs of one campaign do not share; *digest* and *marker* arrays hold the checksums that `verify` compares.",
+        "Workers write the arrays of a stage, block by block: one block is some candidates × some switches, one chunk "
+        "of each array, and its marker. The driver writes the tables, wave by wave. `wall_times` are the only values "
+        "that two runs of one campaign do not share.",
         "",
         "## The ensemble",
         "",
         "| array | dimensions | type | unit | meaning |",
         "| --- | --- | --- | --- | --- |",
     ]
-    for name, (meaning, unit) in layout.POPULATION.items():
+    for name, (meaning, unit) in fields.POPULATION.items():
         lines.append(f"| `{name}` | switch | f8 | {cell(unit)} | {cell(meaning)} |")
     for title, specs in (
-        ("Per switch", layout.SWITCH_ARRAYS),
-        ("Per candidate", layout.CANDIDATE_ARRAYS),
-        ("Markers", (layout.MARKER,)),
+        ("Tables at the root", hierarchy.TABLES.values()),
+        ("Arrays of a stage", (*hierarchy.BLOCK_SPECS.values(), hierarchy.MARKER)),
     ):
         lines += [
             "",
             f"## {title}",
             "",
-            "| array | dimensions | type | unit | role | meaning |",
-            "| --- | --- | --- | --- | --- | --- |",
+            "| array | dimensions | type | unit | meaning |",
+            "| --- | --- | --- | --- | --- |",
         ]
         lines += [
-            f"| `{s.name}` | {', '.join(s.dims)} | {s.dtype} | {cell(s.unit)} | {s.role} | {cell(s.long_name)} |"
-            for s in specs
+            f"| `{s.name}` | {', '.join(s.dims)} | {s.dtype} | {cell(s.unit)} | {cell(s.long_name)} |" for s in specs
         ]
+    pulses = tuple(
+        fields.Field(name=f"pulse1_{name}", unit=unit, long_name=f"{meaning} of pulse 1; further pulses likewise")
+        for name, (meaning, unit) in fields.PARAMETERS.items()
+    )
+    for title, known in (
+        ("Fields of `records`", (*pulses, fields.N_SWITCHES, fields.WAVE, *fields.RESULTS)),
+        ("Columns of `words`", fields.WORDS),
+        ("Columns of `wall_times`", fields.WALL),
+        ("Quantities of `response`", fields.QUANTITIES),
+        ("Quantities of `impact`", fields.IMPACT_QUANTITIES),
+    ):
+        lines += ["", f"## {title}", "", "| name | unit | meaning |", "| --- | --- | --- |"]
+        lines += [f"| `{f.name}` | {cell(f.unit)} | {cell(_per_limit(f))} |" for f in known]
     return "\n".join(lines) + "\n"
+
+
+def _per_limit(field: Any) -> str:
+    return f"{field.long_name}; one for each limit" if field.per_limit else str(field.long_name)
 
 
 MODULES = {

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from softclose.config import load_config
 from softclose_store import DriverStore
-from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.serial import SerialExecutor
 
@@ -23,5 +23,5 @@ def make_finished(path: Path, *settings: str) -> Path:
     """Run the small campaign in this process, without Dask; returns path."""
     create_store(load_config("current", (*SETTINGS, *settings)), str(path))
     with DriverStore(path) as store:
-        Campaign(store, SerialExecutor()).run()
+        Driver(store, SerialExecutor()).run()
     return path

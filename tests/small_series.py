@@ -6,19 +6,20 @@ from pathlib import Path
 
 from softclose.config import load_config
 from softclose_store import DriverStore
-from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
 
 SETTINGS = (
     "campaign.budget=8",
     "population.n_switches=80",
-    "compute.chunk_switches=50",
+    "compute.block_switches=50",
     "store.n_times=11",
     "optimiser.engine=sobol",
+    "explore.budget=0",
     "finish.budget=0",
 )
-"""Eight Sobol points, two chunks each: no surrogate to fit."""
+"""Eight Sobol points, two blocks each: no surrogate to fit."""
 
 
 def small_campaign(path: Path, *settings: str, run: bool = True) -> str:
@@ -26,5 +27,5 @@ def small_campaign(path: Path, *settings: str, run: bool = True) -> str:
     create_store(load_config("current", (*SETTINGS, *settings)), str(path))
     if run:
         with DriverStore(str(path)) as store, open_executor(Placement(serial=True)) as executor:
-            Campaign(store, executor).run()
+            Driver(store, executor).run()
     return str(path)

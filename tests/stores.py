@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 from typing import Any
 
@@ -40,3 +41,22 @@ def visible_lengths(path: Path) -> set[int]:
         for _, array in root.arrays()
         if array.metadata.dimension_names and array.metadata.dimension_names[0] == "candidate"
     }
+
+
+def files_of(path: Path) -> list[Path]:
+    """Every file below path, sorted."""
+    return sorted(p for p in path.rglob("*") if p.is_file())
+
+
+def damage(file: Path, kind: str, rng: random.Random) -> None:
+    """Damage a file: flip one bit, truncate it, append to it, or delete it."""
+    content = file.read_bytes()
+    if kind == "flip":
+        at = rng.randrange(len(content))
+        file.write_bytes(content[:at] + bytes([content[at] ^ (1 << rng.randrange(8))]) + content[at + 1 :])
+    elif kind == "truncate":
+        file.write_bytes(content[: rng.randrange(len(content))])
+    elif kind == "append":
+        file.write_bytes(content + rng.randbytes(1 + rng.randrange(8)))
+    else:
+        file.unlink()

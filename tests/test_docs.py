@@ -1,8 +1,8 @@
 """Claims about the documentation: every code block of every page runs, and every page can be reached.
 
 Blocks of a page run in order, in one folder of their own with a copy of a small finished store in runs/current.zarr.
-`python` blocks share one namespace; `sh` blocks go to bash, with this `softclose` on the PATH; a `toml` block whose
-first line names a file is written there. Output is shown in `text` blocks, which are not run.
+`python` blocks share one namespace; `sh` blocks go to bash, with this `softclose` on the PATH; a `toml` or `csv` block,
+whose first line names a file, is written there as it is shown. Output is shown in `text` blocks, which are not run.
 """
 
 from __future__ import annotations
@@ -84,8 +84,7 @@ def test_every_block_of_the_page_runs(
         elif block.language in ("toml", "csv"):
             first = re.match(r"# (\S+\.(?:toml|csv))\n", block.text)
             assert first is not None, f"{block.where}: the first line must name the file"
-            text = block.text if block.language == "toml" else block.text.partition("\n")[2]
-            (tmp_path / first.group(1)).write_text(text, encoding="utf-8")
+            (tmp_path / first.group(1)).write_text(block.text, encoding="utf-8")
         elif block.language == "sh":
             run_shell(block, launchers, tmp_path)
 

@@ -17,7 +17,7 @@ import softclose
 import softclose_store
 from softclose import config
 from softclose.moved import MOVED
-from softclose_store import layout
+from softclose_store.schema import fields, hierarchy
 from softclose_workflows.cli import main
 
 
@@ -44,10 +44,11 @@ def test_every_configuration_key_has_a_meaning() -> None:
     assert [key for key, row in rows.items() if len(row[-1].strip(" |")) < 5] == []
 
 
-def test_every_array_is_on_the_page() -> None:
+def test_every_array_and_field_is_on_the_page() -> None:
     page = reference_pages.schema_page()
-    names = [s.name for s in (*layout.SWITCH_ARRAYS, *layout.CANDIDATE_ARRAYS, layout.MARKER)]
-    assert [name for name in [*names, *layout.POPULATION] if f"| `{name}` |" not in page] == []
+    arrays = [*hierarchy.TABLES, *hierarchy.BLOCK_SPECS, hierarchy.MARKER.name, *fields.POPULATION]
+    known = [f.name for f in (*fields.RECORDED, *fields.QUANTITIES, *fields.IMPACT_QUANTITIES)]
+    assert [name for name in [*arrays, *known] if f"| `{name}` |" not in page] == []
 
 
 def test_every_public_name_is_on_the_page() -> None:

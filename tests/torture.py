@@ -24,26 +24,11 @@ import zarr
 sys.path.insert(0, str(Path(__file__).parent / "workflows"))
 
 from campaigns import command, run_arguments, softclose
+from softclose_store.faults import POINTS
 from stores import arrays_of, differences
 
-POINTS = (
-    "inside-creation",
-    "before-proposal",
-    "after-proposal",
-    "inside-chunk-write",
-    "after-chunk",
-    "before-marker",
-    "after-marker",
-    "before-record",
-    "inside-record",
-    "after-record",
-    "before-commit",
-    "after-commit",
-)
-"""The durability steps of `softclose_store.faults`."""
-
-IN_WORKERS = {"inside-chunk-write": 39, "after-chunk": 3, "before-marker": 3, "after-marker": 3}
-"""Steps that a worker passes, and how often in one candidate: 13 files a chunk, three chunks."""
+IN_WORKERS = {"inside-chunk-write": 5, "before-marker": 1, "after-marker": 1}
+"""Steps that a worker passes, and how often in one block, of five files."""
 
 MAX_RESUMES = 6
 
@@ -71,7 +56,7 @@ def random_plan(rng: random.Random, duration_s: float) -> Plan:
         point, passage, workers = rng.choice(POINTS), rng.randint(1, 8), rng.choice((0, 0, 1, 2))
         if workers and point in IN_WORKERS:
             # Every replacement inherits the plan, so each must get past the step that killed the one before it:
-            # otherwise the candidate is rightly recorded as failed, which is another test's matter.
+            # otherwise the run rightly stops, which is another test's matter.
             passage += IN_WORKERS[point]
         return Plan(kind="point", point=point, passage=passage, workers=workers)
     kind = rng.choice(("driver", "worker", "both"))
@@ -114,23 +99,26 @@ def first_run(store: Path, plan: Plan, rng: random.Random) -> int:
 
 
 def marked_files(store: Path) -> dict[Path, int]:
-    """File -> modification time [ns] of every chunk file whose marker is written."""
+    """File -> modification time [ns] of every chunk file of a block whose marker is written."""
     if not (store / "zarr.json").exists():
         return {}
     try:
         arrays = arrays_of(store)
-        markers = arrays["chunk_digest"][...]
     except (KeyError, ValueError, zarr.errors.GroupNotFoundError):
         return {}
     found = {}
-    for i, chunk in zip(*(markers != 0).all(axis=-1).nonzero(), strict=True):
-        for name, array in arrays.items():
-            dims = array.metadata.dimension_names
-            if dims and tuple(dims[:2]) == ("candidate", "switch"):
-                key = array.metadata.encode_chunk_key((int(i), int(chunk), *(0 for _ in dims[2:])))
-                file = store / name / key
-                if file.exists():
-                    found[file] = file.stat().st_mtime_ns
+    for name, markers in arrays.items():
+        stage, _, last = name.rpartition("/")
+        if last != "block_digest":
+            continue
+        for i, j in zip(*(markers[...] != 0).all(axis=-1).nonzero(), strict=True):
+            for other, array in arrays.items():
+                dims = array.metadata.dimension_names
+                if other.startswith(f"{stage}/") and dims and tuple(dims[:2]) == ("stage_candidate", "stage_switch"):
+                    key = array.metadata.encode_chunk_key((int(i), int(j), *(0 for _ in dims[2:])))
+                    file = store / other / key
+                    if file.exists():
+                        found[file] = file.stat().st_mtime_ns
     return found
 
 

@@ -12,6 +12,10 @@ from softclose.moved import keep_old_addresses
 
 __version__ = "0.1.0"
 
+ALGORITHM = "2"
+"""Version of what is proposed and simulated: raised whenever the same configuration would give another store. Part of a
+campaign's identity."""
+
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig as CampaignConfig
     from softclose.config import load_config as load_config
@@ -48,6 +52,7 @@ __all__ = [  # noqa: RUF022 - the order a reader meets them in
     "Assessment",
     "CampaignConfig",
     "load_config",
+    "ALGORITHM",
     "__version__",
 ]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.ensemble import simulate
-from softclose.plate import PLATE_AREA_UM2, holding_voltage, stiffness
+from softclose.plate import holding_voltage, stiffness
 from softclose.population import Population
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
@@ -32,13 +32,13 @@ def unshaped(volts: float = 100.0) -> Waveform:
     return Waveform([Pulse(0.0, 0.0, math.inf, volts)])
 
 
-def largest_holding_voltage(population: Population, plate_area_um2: float = PLATE_AREA_UM2) -> float:
+def largest_holding_voltage(population: Population, plate_area_um2: float | None = None) -> float:
     """Voltage [V] that holds every closed switch of the population, whatever its parameters within the bounds."""
     gap = population.G.upper
     # K D (G - D)² grows with K and G, and with D up to G/3.
     travel = min(max(gap / 3.0, population.D.lower), population.D.upper)
     k = float(stiffness(population.E.upper, population.T.upper))
-    return float(holding_voltage([travel, gap, k, 1.0], plate_area_um2))
+    return float(holding_voltage([travel, gap, k, 1.0], population.plate_area(plate_area_um2)))
 
 
 def deterministic_design(
@@ -47,7 +47,7 @@ def deterministic_design(
     max_volts: float = MAX_VOLTS,
     rise_us: float = MIN_RISE_US,
     hold_volts: float | None = None,
-    plate_area_um2: float = PLATE_AREA_UM2,
+    plate_area_um2: float | None = None,
     horizon_us: float = 250.0,
 ) -> Waveform:
     """Two pulses that land the mean switch with no speed at all (paper §4.1).
@@ -59,6 +59,7 @@ def deterministic_design(
     conditions x = D and v = 0 at that instant. The solution is simulated, contact included, before it is returned.
     Raises BaselineError where there is no such waveform.
     """
+    plate_area_um2 = population.plate_area(plate_area_um2)
     switch = population.mean_switch
     all_held = min(largest_holding_voltage(population, plate_area_um2), max_volts)
     hold = all_held if hold_volts is None else float(hold_volts)

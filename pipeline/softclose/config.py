@@ -14,16 +14,35 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
+from softclose.allowed import refusal
 from softclose.naming import nearest
-from softclose.plugins import ENGINES, MODELS
+from softclose.plugins import ENGINES, MODELS, EngineError, ModelError
 from softclose.population import Population, load_population
 from softclose.presets import PresetError, find_preset
 from softclose.waveform import MIN_RISE_US, Waveform
 
 SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
 
-Count = Annotated[int, Field(ge=1, strict=True)]
+MOST_IN_A_WAVE = 4096
+"""Candidates of a wave at most: what a kill may lose, and what a driver holds in memory."""
+
+MAX_COUNT = 1_000_000
+"""Candidates, descents, points … at most: a proposal looks at all of them, and a million take it minutes."""
+
+MAX_SWITCHES = 100_000_000
+"""Switches of one ensemble at most: a thousandth of them know v_u to 0.01 cm/s; one candidate takes minutes."""
+
+MAX_HORIZON_US = 1e6
+"""Simulated time at most [µs]: a second, a hundred thousand periods of the plate."""
+
+MAX_CM_S = 1e6
+"""Speeds and penalties at most [cm/s]: beyond it, 10 km/s, sums of squares lose what they are about."""
+
+Count = Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)]
+SwitchCount = Annotated[int, Field(ge=1, le=MAX_SWITCHES, strict=True)]
 Positive = Annotated[float, Field(gt=0)]
+Volts = Annotated[float, Field(ge=1, le=1000)]
+NotNegative = Annotated[float, Field(ge=0)]
 Probability = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -39,10 +58,12 @@ class CampaignSection:
     """A title for tables and reports."""
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 1
     """Key of every random number: the ensemble and the proposals."""
-    budget: Count = 150
-    """Candidates proposed by the engine, `waveform.initial` included."""
-    lag: Count = 1
-    """Candidates in flight at once: proposal i waits for candidate i - lag and sees nothing newer."""
+    budget: Annotated[int, Field(ge=0, strict=True)] = 150
+    """Candidates of the search, `waveform.initial` included; 0 leaves it out."""
+    wave: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 1
+    """Candidates proposed together by an engine that proposes one at a time."""
+    lag: Annotated[int, Field(ge=1, le=64, strict=True)] = 1
+    """Waves of the search in flight at once: wave w waits for wave w - lag and sees nothing newer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -51,7 +72,7 @@ class PopulationSection:
 
     name: Annotated[str, Field(min_length=1)] = "current"
     """A shipped population, or the path of a population TOML."""
-    n_switches: Count = 2000
+    n_switches: SwitchCount = 2000
     """Switches in the training ensemble of each candidate."""
     sampling: Literal["monte-carlo", "sobol"] = "monte-carlo"
     """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals."""
@@ -63,12 +84,12 @@ class ModelSection:
 
     name: Annotated[str, Field(min_length=1)] = "single-mode"
     """single-mode, or an installed entry point of group softclose.models."""
-    horizon_us: Positive = 250.0
+    horizon_us: Annotated[float, Field(gt=0, le=MAX_HORIZON_US)] = 250.0
     """End of the simulated time [µs]."""
     restitution: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Coefficient of restitution η, in (0, 1]."""
-    plate_area_um2: Positive = 16700.0
-    """Plate area a [µm²]."""
+    plate_area_um2: NotNegative = 0.0
+    """Plate area a [µm²]; 0: the area that the population was fitted with, else 16,700."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -79,9 +100,9 @@ class WaveformSection:
         "two-pulse-paper", "two-pulse-full", "three-pulse-full", "two-pulse-release", "three-pulse-release"
     ] = "two-pulse-full"
     """Search space; `-full` holds with its last pulse, `-release` lets go."""
-    max_volts: Positive = 150.0
-    """Limit on the sum of all pulses at any instant [V]."""
-    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US)] = MIN_RISE_US
+    max_volts: Volts = 150.0
+    """Limit on the sum of all pulses at any instant [V], from 1 to 1000."""
+    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US, le=MAX_HORIZON_US)] = MIN_RISE_US
     """Fastest rise that may be proposed [µs]."""
     initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
     """The user's own waveforms, evaluated first: each a list of [start, rise, peak, volts]; a peak of "hold" holds."""
@@ -119,18 +140,26 @@ class ObjectiveSection:
     """penalty: g = v_u + c1·p_nc (Eq. 10); chance: minimise v_u subject to p_nc <= p_max."""
     level: Probability = 0.9
     """Quantile of V that is v_u."""
-    c1_cm_s: Annotated[float, Field(ge=0)] = 25.0
+    c1_cm_s: Annotated[float, Field(ge=0, le=MAX_CM_S)] = 25.0
     """Penalty per unit probability of not closing [cm/s]."""
     p_max: Annotated[float, Field(ge=0, lt=1)] = 0.05
     """Largest admissible p_nc of the chance-constrained form."""
-    limits_cm_s: tuple[Positive, ...] = (19.7,)
+    limits_cm_s: tuple[Annotated[float, Field(gt=0, le=MAX_CM_S)], ...] = (19.7,)
     """Contact speeds for which P(V > limit) is reported [cm/s]."""
     min_contact: Annotated[float, Field(ge=0, le=1)] = 0.1
     """Below this fraction of switches in contact v_u is undefined."""
-    undefined_v_u_cm_s: Positive = 60.0
+    undefined_v_u_cm_s: Annotated[float, Field(gt=0, le=MAX_CM_S)] = 60.0
     """What an undefined v_u counts as in g [cm/s]."""
     confidence: Probability = 0.95
     """Confidence of every interval."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ReferenceSection:
+    """The designs that every result is compared with."""
+
+    step_volts: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    """Voltage of the unshaped step [V]; 0: 100 V, or waveform.max_volts where that is less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -139,19 +168,21 @@ class OptimiserSection:
 
     engine: Annotated[str, Field(min_length=1)] = "skopt"
     """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
-    n_initial: Annotated[int, Field(ge=2, strict=True)] = 20
-    """Space-filling candidates before the surrogate proposes."""
-    n_restart: Annotated[int, Field(ge=2, strict=True)] = 8
+    n_initial: Annotated[int, Field(ge=2, le=MOST_IN_A_WAVE, strict=True)] = 20
+    """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
+    batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4
+    """Candidates that the surrogate proposes together, a wave."""
+    n_restart: Annotated[int, Field(ge=2, le=MAX_COUNT, strict=True)] = 8
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
     fresh_every: Count = 1
     """Every so many restarts begin elsewhere; the others open the trust region again around the best candidate."""
-    n_candidates: Annotated[int, Field(ge=16, strict=True)] = 2000
+    n_candidates: Annotated[int, Field(ge=16, le=100_000, strict=True)] = 2000
     """Points at which the acquisition is screened."""
     fit_iterations: Count = 20
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
-    n_fit: Annotated[int, Field(ge=16, strict=True)] = 100
+    n_fit: Annotated[int, Field(ge=16, le=MAX_COUNT, strict=True)] = 100
     """Points nearest to the incumbent from which the hyperparameters are fitted; the surrogate uses all points."""
-    global_every: Annotated[int, Field(ge=0, strict=True)] = 0
+    global_every: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Every so many proposals the acquisition looks everywhere; 0: never."""
     warp: Literal["none", "clip", "log"] = "log"
     """What the surrogate sees of g: as it is, cut off above the median, or its logarithm above the best."""
@@ -165,40 +196,59 @@ class OptimiserSection:
     """Largest width."""
     success_tolerance: Count = 3
     """Successes in a row that double the trust region."""
-    failure_tolerance: Annotated[int, Field(ge=0, strict=True)] = 6
+    failure_tolerance: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 6
     """Failures in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ExploreSection:
+    """Exploring: CMA-ES descents from several points, on the search's ensemble, by successive halving."""
+
+    budget: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Candidates of the descents; 0 leaves them out."""
+    n_descents: Annotated[int, Field(ge=1, le=64, strict=True)] = 4
+    """Descents begun; the better half goes on after each round. The first begins at the best of the search."""
+    generation: Annotated[int, Field(ge=4, le=256, strict=True)] = 20
+    """Candidates of one descent in one wave, in polishing too."""
+    n_scouts: Annotated[int, Field(ge=1, le=256, strict=True)] = 40
+    """Space-filling candidates of each descent; it begins at the best of them."""
+    sigma: Annotated[float, Field(gt=0, le=0.5)] = 0.12
+    """Size of a descent's first steps, in units of the search cube."""
+    rounds: Annotated[int, Field(ge=1, le=16, strict=True)] = 2
+    """Rounds of equal budgets; after each the better half of the descents goes on."""
+    turns: Annotated[int, Field(ge=1, le=64, strict=True)] = 2
+    """Sets of descents that take turns: waves in flight at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class FinishSection:
     """The finishing stage: further candidates on larger ensembles."""
 
-    budget: Annotated[int, Field(ge=0, strict=True)] = 0
+    budget: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Candidates of the finishing stage; 0 leaves it out."""
-    n_switches: Count = 2000
+    n_switches: SwitchCount = 2000
     """Switches per candidate of the finishing stage."""
-    explore: Annotated[int, Field(ge=0, strict=True)] = 0
-    """Of `budget`, candidates spent first on CMA-ES descents, on the search's own ensemble."""
-    n_descents: Count = 6
-    """Descents begun, the first from the best of the search; the better half goes on after each third of `explore`."""
-    n_basins: Count = 8
-    """Distinct basins of the search that are evaluated again, best first."""
+    n_basins: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 8
+    """Distinct basins found so far that are evaluated again, best first, one wave."""
+    n_polished: Annotated[int, Field(ge=1, le=64, strict=True)] = 2
+    """Basins whose polish begins (cmaes); the better half goes on after each round of equal budgets."""
     distance: Annotated[float, Field(gt=0, le=1)] = 0.1
     """Largest coordinate distance in the search cube below which two candidates are one basin."""
-    method: Literal["surrogate", "cmaes", "nelder-mead"] = "surrogate"
-    """How the best basin is polished."""
-    sigma: Annotated[float, Field(gt=0, le=0.5)] = 0.03
-    """Size of the first steps of the polish, in units of the search cube."""
+    method: Literal["surrogate", "cmaes", "nelder-mead"] = "cmaes"
+    """How the best basins are polished: cmaes takes a few hundred candidates, surrogate suits costly ones."""
+    sigma: Annotated[float, Field(gt=0, le=0.5)] = 0.02
+    """Size of the first steps of the polish, at least, in units of the search cube."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class ComputeSection:
-    """How the work is cut up. Chunk boundaries are part of the result's identity."""
+    """How the work is cut up. Block boundaries are part of the store's identity."""
 
-    chunk_switches: Annotated[int, Field(ge=0, strict=True)] = 0
-    """Switches per chunk (one Dask task); 0 chooses: at least 2,048, at most 64 chunks a candidate."""
+    block_switches: Annotated[int, Field(ge=0, le=MAX_SWITCHES, strict=True)] = 0
+    """Simulated switches per block (one Dask task), several candidates' where ensembles are small; 0 chooses: 5,120, or
+    more where that would cut a candidate into more than 64 blocks."""
     rtol: Annotated[float, Field(ge=1e-13, le=1e-3)] = 1e-9
     """Relative tolerance of the integrator."""
     method: Literal["taylor", "rk"] = "taylor"
@@ -217,14 +267,17 @@ class StoreSection:
     """Sync every commit to the disk, against loss of power."""
 
 
-MAX_CHUNKS = 256
-"""Chunks of one candidate at most: the number of files stays bounded, whatever the ensemble."""
+STEP_VOLTS = 100.0
+"""The published study's unshaped step [V]."""
 
-AUTO_CHUNKS = 64
-"""Chunks of one candidate at most where compute.chunk_switches is 0."""
+MAX_BLOCKS = 256
+"""Blocks of one candidate at most: the number of files stays bounded, whatever the ensemble."""
 
-MIN_CHUNK_SWITCHES = 2048
-"""Switches per chunk at least where compute.chunk_switches is 0: a task should outweigh Dask's millisecond."""
+AUTO_BLOCKS = 64
+"""Blocks of one candidate at most where compute.block_switches is 0."""
+
+AUTO_BLOCK_SWITCHES = 5120
+"""Simulated switches per block where compute.block_switches is 0: 50 to 100 ms, which outweighs Dask's millisecond."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -236,7 +289,9 @@ class CampaignConfig:
     model: ModelSection = Field(default_factory=ModelSection)
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
+    reference: ReferenceSection = Field(default_factory=ReferenceSection)
     optimiser: OptimiserSection = Field(default_factory=OptimiserSection)
+    explore: ExploreSection = Field(default_factory=ExploreSection)
     finish: FinishSection = Field(default_factory=FinishSection)
     compute: ComputeSection = Field(default_factory=ComputeSection)
     store: StoreSection = Field(default_factory=StoreSection)
@@ -247,8 +302,11 @@ class CampaignConfig:
     def _check(self) -> Self:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
-        ENGINES.check(self.optimiser.engine)
-        MODELS.check(self.model.name)
+        # Written out: a store says which area it was computed with, whatever a later version would choose.
+        area = self.build_population().plate_area(self.model.plate_area_um2 or None)
+        object.__setattr__(self, "model", replace(self.model, plate_area_um2=area))
+        step = self.reference.step_volts or min(STEP_VOLTS, self.waveform.max_volts)
+        object.__setattr__(self, "reference", replace(self.reference, step_volts=step))
         for number, rows in enumerate(self.waveform.initial):
             try:
                 waveform = Waveform.from_rows(rows)
@@ -260,20 +318,52 @@ class CampaignConfig:
                 f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
                 f"{self.campaign.budget}: raise the budget or shorten the list"
             )
-        self._choose_chunks()
-        n, chunk = self.n_switches_max, self.compute.chunk_switches
-        if math.ceil(n / chunk) > MAX_CHUNKS:
+        if self.waveform.min_rise_us >= self.model.horizon_us:
             raise ValueError(
-                f"compute.chunk_switches {chunk} cuts an ensemble of {n} switches into {math.ceil(n / chunk)} chunks; "
-                f"at most {MAX_CHUNKS} are allowed, so that the number of files stays bounded: "
-                f"use {math.ceil(n / MAX_CHUNKS)} or more, or 0"
+                f"waveform.min_rise_us is {self.waveform.min_rise_us:g}; no pulse would be up before model.horizon_us "
+                f"{self.model.horizon_us:g}: lower it, or raise the horizon"
+            )
+        if not self.campaign.budget + self.explore.budget:
+            raise ValueError(
+                "campaign.budget and explore.budget are both 0: there is nothing to evaluate; raise one of them"
+            )
+        x = self.explore
+        largest = math.ceil(x.n_descents / x.turns) * max(x.n_scouts, x.generation)
+        if largest > MOST_IN_A_WAVE:
+            raise ValueError(
+                f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
+                f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
+            )
+        self._choose_blocks()
+        n, block = self.n_switches_max, self.compute.block_switches
+        if math.ceil(n / block) > MAX_BLOCKS:
+            raise ValueError(
+                f"compute.block_switches {block} cuts an ensemble of {n} switches into {math.ceil(n / block)} blocks; "
+                f"at most {MAX_BLOCKS} are allowed, so that the number of files stays bounded: "
+                f"use {math.ceil(n / MAX_BLOCKS)} or more, or 0"
             )
         return self
 
+    def check_plugins(self) -> None:
+        """Raise EngineError or ModelError where this machine lacks the engine or the device model.
+
+        Apart from reading a configuration: what a store holds can be read anywhere, only proposing and simulating
+        need the plug-ins.
+        """
+        ENGINES.check(self.optimiser.engine)
+        MODELS.check(self.model.name)
+
+    def revised(self, overrides: Iterable[str]) -> CampaignConfig:
+        """The same campaign with `section.key=value` overrides; what was written out stays. Raises ConfigError."""
+        data = self.to_dict()
+        for override in overrides:
+            _apply(data, override)
+        return _validate(data)
+
     @property
     def total_budget(self) -> int:
-        """Candidates of the search and of the finishing stage."""
-        return self.campaign.budget + self.finish.budget
+        """Candidates of all stages."""
+        return self.campaign.budget + self.explore.budget + self.finish.budget
 
     @property
     def n_switches_max(self) -> int:
@@ -281,16 +371,15 @@ class CampaignConfig:
         return max(self.population.n_switches, self.finish.n_switches if self.finish.budget else 0)
 
     @property
-    def chunk_switches(self) -> int:
-        """Switches per chunk."""
-        return self.compute.chunk_switches
+    def block_switches(self) -> int:
+        """Simulated switches per block."""
+        return self.compute.block_switches
 
-    def _choose_chunks(self) -> None:
+    def _choose_blocks(self) -> None:
         """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""
-        n, chosen = self.n_switches_max, self.compute.chunk_switches
-        if not chosen:
-            chosen = max(MIN_CHUNK_SWITCHES, math.ceil(n / AUTO_CHUNKS))
-        object.__setattr__(self, "compute", replace(self.compute, chunk_switches=min(n, chosen)))
+        if not self.compute.block_switches:
+            chosen = max(AUTO_BLOCK_SWITCHES, math.ceil(self.n_switches_max / AUTO_BLOCKS))
+            object.__setattr__(self, "compute", replace(self.compute, block_switches=chosen))
 
     def build_population(self) -> Population:
         """The population, from its stored description."""
@@ -329,7 +418,9 @@ _SECTIONS = (
     ModelSection,
     WaveformSection,
     ObjectiveSection,
+    ReferenceSection,
     OptimiserSection,
+    ExploreSection,
     FinishSection,
     ComputeSection,
     StoreSection,
@@ -357,7 +448,12 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
         beside = where.parent / name
         if beside.exists():
             data["population"]["name"] = str(beside)
-    return _validate(data)
+    config = _validate(data)
+    try:
+        config.check_plugins()
+    except (EngineError, ModelError) as e:
+        raise ConfigError(str(e)) from e
+    return config
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -397,13 +493,19 @@ def _validate(data: Mapping[str, Any]) -> CampaignConfig:
     try:
         return TypeAdapter(CampaignConfig).validate_python(dict(data))
     except ValidationError as e:
-        problems = []
-        for error in e.errors(include_url=False):
-            where = ".".join(str(part) for part in error["loc"])
-            message = error["msg"].removeprefix("Value error, ")
-            got = "" if error["type"] == "value_error" else f" is {error['input']!r}: "
-            problems.append(f"{where}{got}{message}" if where and got else message)
+        problems = [_problem(x["loc"], x["type"], x["input"], x["msg"]) for x in e.errors(include_url=False)]
         raise ConfigError("\n".join(problems)) from e
+
+
+def _problem(place: tuple[int | str, ...], kind: str, got: Any, said: str) -> str:
+    """One problem in this project's words; a check of our own says everything already."""
+    if kind == "value_error":
+        return said.removeprefix("Value error, ")
+    kinds = {f.name: f.type for f in fields(CampaignConfig)}
+    section = next((cls for cls in _SECTIONS if cls.__name__ == kinds[str(place[0])]), None)
+    if section is None or len(place) < 2:
+        return f"{'.'.join(map(str, place))} is {got!r}; it must be a table of keys"
+    return refusal(section, str(place[1]), got, place)
 
 
 def _refuse_unknown(data: Mapping[str, Any]) -> None:

@@ -19,8 +19,20 @@ if TYPE_CHECKING:  # the compiler takes half a second to import, and reading a c
     from softclose.ensemble import Responses
 
 
+class CannotSimulate(RuntimeError):
+    """A device model's own word that it has no answer to this waveform: the candidate is recorded as failed."""
+
+
+FAILURES: tuple[type[Exception], ...] = (CannotSimulate, ArithmeticError, ValueError)
+"""What counts as a device model's own word: it would be raised anywhere. Everything else is the machine's fault."""
+
+
 class DeviceModel(Protocol):
-    """What a campaign calls: `softclose.simulate` is one. Deterministic, and each row independent of the others."""
+    """What a campaign calls: `softclose.simulate` is one. Deterministic, and each row independent of the others.
+
+    A waveform that it cannot answer at all: CannotSimulate, ValueError or ArithmeticError, and the candidate is
+    recorded as failed. A switch that it cannot integrate: a `status` other than 0.
+    """
 
     def __call__(
         self,

@@ -44,14 +44,20 @@ class Plugin:
     def check(self, name: str) -> None:
         """Raise `error`, naming the nearest known one, where there is none of that name. Imports none."""
         if name not in self.names():
-            raise self.error(unknown_name(self.what, name, self.names(), self.key))
+            raise self.error(
+                f"{unknown_name(self.what, name, self.names(), self.key)}. One of your own comes with the package that "
+                f"declares the entry point {name} of group {self.group}: install it"
+            )
 
     def load(self, name: str) -> Any:
         """The object of that name; imports only that one."""
         if name in self.shipped:
             return load_object(self.shipped[name])
         self.check(name)
-        return next(e for e in entry_points(group=self.group) if e.name == name).load()
+        try:
+            return next(e for e in entry_points(group=self.group) if e.name == name).load()
+        except Exception as e:  # somebody else's module may raise anything while it is imported
+            raise self.error(f"{self.what} {name!r} cannot be loaded: {type(e).__name__}: {e}") from e
 
 
 def load_object(target: str) -> Any:

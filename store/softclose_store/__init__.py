@@ -1,13 +1,15 @@
 """The store of a campaign: one Zarr hierarchy that survives kills, proves its content and opens in any Zarr tool."""
 
-from softclose_store.chunk import read_switches, write_chunk
-from softclose_store.create import StoreState, create_campaign, store_state
-from softclose_store.digests import canonical_json, fingerprint_of
-from softclose_store.driver import DriverStore
+from softclose_store.check.repair import Recompute, RepairReport, remove_orphans, repair
+from softclose_store.check.report import Problem, Report
+from softclose_store.check.verify import verify
+from softclose_store.disk.files import write_file
+from softclose_store.disk.lock import lock_holder
 from softclose_store.errors import (
     DamageError,
     LayoutError,
     LockedError,
+    OtherAlgorithmError,
     OtherConfigurationError,
     RecordError,
     SchemaError,
@@ -15,14 +17,19 @@ from softclose_store.errors import (
     StoreExistsError,
     StoreMissingError,
 )
-from softclose_store.groups import GroupArray, ResultGroup, list_groups, read_group, write_group
-from softclose_store.layout import SCHEMA_VERSION, Layout
-from softclose_store.lock import lock_holder
-from softclose_store.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
-from softclose_store.repair import Recompute, RepairReport, remove_orphans, repair
-from softclose_store.verify import Problem, Report, verify
+from softclose_store.groups import GroupArray, ResultGroup, group_attributes, list_groups, read_group, write_group
+from softclose_store.read.arrays import read_switches
+from softclose_store.read.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
+from softclose_store.schema.digests import assessed_digest, canonical_json, fingerprint_of, proposals_digest
+from softclose_store.schema.fields import IMPACT_QUANTITIES, QUANTITIES, SCHEMA_VERSION
+from softclose_store.schema.layout import Layout, StageLayout
+from softclose_store.write.block import write_block
+from softclose_store.write.create import StoreState, create_campaign, store_state
+from softclose_store.write.driver import DriverStore
 
 __all__ = [
+    "IMPACT_QUANTITIES",
+    "QUANTITIES",
     "SCHEMA_VERSION",
     "Best",
     "Campaign",
@@ -32,6 +39,7 @@ __all__ = [
     "Layout",
     "LayoutError",
     "LockedError",
+    "OtherAlgorithmError",
     "OtherConfigurationError",
     "Problem",
     "Recompute",
@@ -40,24 +48,29 @@ __all__ = [
     "Report",
     "ResultGroup",
     "SchemaError",
+    "StageLayout",
     "StoreError",
     "StoreExistsError",
     "StoreMissingError",
     "StoreState",
     "StoredResponses",
     "Trajectories",
+    "assessed_digest",
     "canonical_json",
     "create_campaign",
     "fingerprint_of",
+    "group_attributes",
     "list_groups",
     "lock_holder",
     "open_campaign",
+    "proposals_digest",
     "read_group",
     "read_switches",
     "remove_orphans",
     "repair",
     "store_state",
     "verify",
-    "write_chunk",
+    "write_block",
+    "write_file",
     "write_group",
 ]

@@ -23,6 +23,10 @@ class OtherConfigurationError(StoreExistsError):
     """The store at the path holds a campaign of another configuration."""
 
 
+class OtherAlgorithmError(OtherConfigurationError):
+    """The store at the path was begun with another version of the algorithms."""
+
+
 class SchemaError(StoreError):
     """The store has a schema version that this version of the program does not read."""
 

@@ -16,10 +16,7 @@ VARIABLE = "SOFTCLOSE_FAULT"
 
 POINTS = (
     "inside-creation",
-    "before-proposal",
-    "after-proposal",
     "inside-chunk-write",
-    "after-chunk",
     "before-marker",
     "after-marker",
     "before-record",
@@ -28,7 +25,7 @@ POINTS = (
     "before-commit",
     "after-commit",
 )
-"""Every durability step, in the order of a candidate's life."""
+"""Every durability step, in the order of a wave's life: its blocks, the rows of its records, its commit."""
 
 _passages: Counter[str] = Counter()
 

@@ -1,7 +1,8 @@
-"""Owns groups beside the campaign's own arrays: who ran it (`runtime`), and named results such as a certification.
+"""Owns groups beside the campaign's own arrays: named results such as a certification.
 
 A result group is built in memory and copied with its own zarr.json last, so it is there as a whole or not at all. It is
-not in the root's consolidated metadata, which belongs to the driver: open it by its own path.
+not in the root's consolidated metadata, which belongs to the driver: open it by its own path. The group lists its
+files; that list comes out of the store, so each name in it is checked before anything is touched under it.
 """
 
 from __future__ import annotations
@@ -20,28 +21,27 @@ from zarr.abc.store import Store
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
 
-from softclose_store import digests
-from softclose_store.chunk import read_array
+from softclose_store.disk.files import (
+    StorePath,
+    check_inside,
+    delete_key,
+    list_keys,
+    normalised,
+    open_files,
+    read_key,
+    write_key,
+)
+from softclose_store.disk.names import checked_member, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreExistsError, StoreMissingError
-from softclose_store.files import StorePath, delete_key, list_keys, normalised, open_files, read_key, write_key
-from softclose_store.root import RUNTIME_KEY, Root, read_root, runtime_text, write_root
+from softclose_store.read.arrays import read_array
+from softclose_store.schema import digests
+from softclose_store.schema.root import read_root
 
 FILES = "softclose_files"
 """Attribute of a result group: sha256 of every file in it."""
 OWN = "softclose_digest"
 """Attribute of a result group: sha256 of its own metadata without this."""
 _NAME = re.compile(r"[a-z][a-z0-9_-]*(/[a-z0-9][a-z0-9_.-]*)*")
-
-
-def append_run(files: Store, root: Root, runtime: Mapping[str, Any]) -> Root:
-    """Add one run to the attribute `runs` of the group `runtime`; returns the new root."""
-    root = root.committed(root.n_committed)
-    document = root.metadata["runtime"]
-    attributes = document["attributes"]
-    attributes["runs"] = [*attributes.get("runs", []), json.loads(digests.canonical_json(runtime))]
-    write_key(files, RUNTIME_KEY, runtime_text(root))
-    write_root(files, root)
-    return root
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,27 +78,38 @@ def write_group(
 ) -> None:
     """Add a result group `name` (such as `certification/3`) to the store at `path`, as a whole or not at all.
 
-    Needs no lock: it touches nothing of the campaign. Raises StoreExistsError unless `replace`.
+    Needs no lock: it touches nothing of the campaign. Raises StoreExistsError unless `replace`, DamageError where the
+    group to be replaced lists files that are none of its own, StoreError where a link leads out of the store.
     """
-    if not _NAME.fullmatch(name):
-        raise StoreError(f"the group is called {name!r}; a name is made of a-z, 0-9, - and _, with / between levels")
+    check_name(name)
     where = normalised(path)
     root = read_root(open_files(path, read_only=True), where)
     if name.partition("/")[0] in root.metadata:
         raise StoreError(f"the group {name!r} would fall into one of the campaign's own arrays; use another name")
+    for key in arrays:
+        if not is_safe(key) or "/" in key:
+            raise StoreError(f"array {key!r} of group {name} cannot be stored; a name is made of letters, digits and _")
     files = open_files(path, read_only=False, durable=bool(root.attributes["durable"]))
     last = f"{name}/zarr.json"
     if not replace and read_key(files, last) is not None:
         raise StoreExistsError(f"{where} has a group {name} already; give it another name")
     contents = _build(name, arrays, attributes)
-    for key in _own_last_first(group_keys(files, name), last):
-        delete_key(files, key)  # what the old group had and the new one has not would be read as the new one's
+    contents.pop("zarr.json")
     parents = {f"{'/'.join(parts[:n])}/zarr.json" for parts in [name.split("/")] for n in range(1, len(parts))}
+    old = _own_last_first(group_keys(files, name), last)
+    for key in (*old, *contents):
+        check_inside(files, key)
+    for key in old:
+        delete_key(files, key)  # what the old group had and the new one has not would be read as the new one's
     for key in sorted(contents, key=lambda key: (key == last, key not in parents, key)):
-        if key in parents and read_key(files, key) is not None:
-            continue
-        if key != "zarr.json":
+        if key not in parents or read_key(files, key) is None:
             write_key(files, key, contents[key])
+
+
+def check_name(name: str) -> None:
+    """Raise StoreError unless a result group may have this name."""
+    if not _NAME.fullmatch(name) or not is_safe(name):
+        raise StoreError(f"the group is called {name!r}; a name is made of a-z, 0-9, - and _, with / between levels")
 
 
 def _own_last_first(keys: Iterable[str], last: str) -> list[str]:
@@ -157,14 +168,16 @@ def _attributes(content: bytes) -> dict[str, Any] | None:
         document = json.loads(content)
         stored = document["attributes"][OWN]
         whole = _encode(document) == content and document["attributes"][OWN] == stored
+        listed = document["attributes"][FILES]
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
     attributes: dict[str, Any] = document["attributes"]
-    return attributes if whole else None
+    return attributes if whole and isinstance(listed, dict) else None
 
 
 def read_group(path: StorePath, name: str) -> ResultGroup:
     """Read a result group; raises StoreMissingError where it is not, DamageError where it is not what was written."""
+    check_name(name)
     where = normalised(path)
     files = open_files(path, read_only=True)
     if read_key(files, f"{name}/zarr.json") is None:
@@ -179,23 +192,41 @@ def read_group(path: StorePath, name: str) -> ResultGroup:
     return ResultGroup(arrays={key: read_array(files, f"{name}/{key}") for key in names}, attributes=attributes)
 
 
+def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
+    """The attributes of a result group, also where arrays of it are damaged; None where its own metadata is.
+
+    Raises StoreMissingError where there is no such group.
+    """
+    content = read_key(open_files(path, read_only=True), f"{name}/zarr.json")
+    if content is None:
+        raise StoreMissingError(f"{normalised(path)} has no group {name}")
+    attributes = _attributes(content)
+    return None if attributes is None else {k: v for k, v in attributes.items() if k not in (FILES, OWN)}
+
+
 def group_problems(files: Store, name: str) -> list[str]:
     """What is wrong with a result group: one sentence per file that is not what was written."""
     attributes = _attributes(read_key(files, f"{name}/zarr.json") or b"")
     if attributes is None:
         return [f"{name}/zarr.json is not what was written"]
-    return [
-        f"{name}/{key} is not what was written"
-        for key, expected in attributes[FILES].items()
-        if digests.sha256(read_key(files, f"{name}/{key}") or b"") != expected
-    ]
+    problems = []
+    for member, expected in attributes[FILES].items():
+        try:
+            key = checked_member(name, member)
+            check_inside(files, key)
+        except StoreError as e:
+            problems.append(str(e))
+            continue
+        if digests.sha256(read_key(files, key) or b"") != expected:
+            problems.append(f"{key} is not what was written")
+    return problems
 
 
 def group_keys(files: Store, name: str) -> list[str]:
-    """Every key of a result group; only its own metadata where that is damaged."""
+    """Every key of a result group; only its own metadata where that is damaged. Foreign names: DamageError."""
     own = f"{name}/zarr.json"
     attributes = _attributes(read_key(files, own) or b"")
-    return [own, *(f"{name}/{key}" for key in (attributes or {FILES: ()})[FILES])]
+    return [own, *(checked_member(name, member) for member in (attributes or {FILES: ()})[FILES])]
 
 
 def list_groups(path: StorePath, prefix: str = "") -> list[str]:
@@ -208,6 +239,8 @@ def result_groups(files: Store, prefix: str = "") -> list[str]:
     found = []
     for key in list_keys(files):
         name, _, last = key.rpartition("/")
+        if not name or not is_safe(name):
+            continue
         if last == "zarr.json" and name.startswith(prefix) and FILES.encode() in (read_key(files, key) or b""):
             found.append(name)
     return found

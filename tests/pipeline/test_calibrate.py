@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from softclose import load_population
-from softclose.population import VARIABLES
+from softclose.population import VARIABLES, Population, PopulationError
 from softclose.population.calibrate import Calibration, calibrate, device_parameters, write_calibration
 from softclose.population.distributions import Bounded
 from softclose.population.fit import cramer_von_mises, fit
@@ -109,6 +109,37 @@ def test_extra_columns_blank_lines_and_a_missing_device_name_are_tolerated(tmp_p
     assert m.pull_in_V.tolist() == [80.0 + i for i in range(9)]
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+@pytest.mark.parametrize("decimal", [",", "."])
+def test_semicolons_tabs_and_decimal_commas_are_read(separator: str, decimal: str, tmp_path: Path) -> None:
+    lines = [f"x,3.{700 + i},2.4,7.0,{80 + i}.5" for i in range(9)]
+    told = ["# lot7.csv", "device,G_um,D_um,T_um,pull_in_V", *lines]
+    path = tmp_path / "theirs.csv"
+    path.write_text("\n".join(line.replace(",", separator).replace(".", decimal) for line in told) + "\n", "utf-8-sig")
+    read, plain = read_measurements(path), read_measurements(_file(tmp_path, lines))
+    for name in ("G_um", "D_um", "T_um", "pull_in_V"):
+        assert getattr(read, name).tolist() == getattr(plain, name).tolist()
+    assert read.device == plain.device
+
+
+def test_the_plate_area_of_the_fit_is_part_of_the_population(tmp_path: Path) -> None:
+    m = read_measurements(EXAMPLE)
+    mine = calibrate(m, n_bootstrap=20, plate_area_um2=15000.0)
+    write_calibration(mine, tmp_path / "mine.toml")
+    again = load_population(tmp_path / "mine.toml")
+    assert again == mine.population
+    assert again.plate_area_um2 == 15000.0
+    assert Population.from_dict(json.loads(json.dumps(again.to_dict()))) == again
+    # The lot pulls in where its devices did, whatever area the fit took; without it the voltages are another lot's.
+    low, high = (again.summary()[f"U_pi_{end}_V"] for end in ("lower", "upper"))
+    usual = calibrate(m, n_bootstrap=20).population.summary()
+    assert (low, high) == pytest.approx((usual["U_pi_lower_V"], usual["U_pi_upper_V"]), rel=1e-9)
+    with pytest.raises(PopulationError, match="fitted with 15000 µm²"):
+        again.summary(16700.0)
+    with pytest.raises(MeasurementError, match=r"plate area is 0 µm²; it must be above 0"):
+        calibrate(m, plate_area_um2=0.0)
+
+
 @pytest.mark.parametrize(
     ("header", "lines", "words"),
     [
@@ -122,6 +153,22 @@ def test_extra_columns_blank_lines_and_a_missing_device_name_are_tolerated(tmp_p
         (None, ["b,3.7,2.4,7,5e6"], r"pull_in_V is 5e\+06; expected 1–1000 V$"),
         (None, ["b,3.7,2.4,seven,80"], "T_um is 'seven'; it must be a number"),
         (None, ["b,3.7,2.4,7"], "pull_in_V is ''"),
+        (
+            None,
+            ["b,3,7,2,4,7,80"],
+            "line 2: 7 fields, but the header names 5 columns; numbers with a decimal comma need",
+        ),
+        (
+            "G_um;D_um;T_um;pull_in_V",
+            ["3,7;2.4;7,0;80"],
+            "decimal commas .line 2: 3,7. and decimal points .line 2: 2.4",
+        ),
+        ("G_um;D_um;T_um;pull_in_V", ["3,7;2,4;7,0;1.080,5"], "use one of them in the whole file"),
+        (
+            "G_um;D_um;T_um;pull_in_V",
+            ["3,7;2,4;7,0;1,080,5"],
+            "pull_in_V is '1.080,5'; it must be a number such as 3.7",
+        ),
         (None, ["b,nan,2.4,7,80"], "G_um is 'nan'"),
         (None, ["b,2.4,2.4,7,80"], "the travel must be less than the gap"),
         (None, ["b,3.7,2.4,3.0,80"], r"at or below 3\.1458"),

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import pytest
 
 from softclose.config import load_config
-from softclose.propose.protocol import Observation, Problem, Proposal, load_engine
+from softclose.propose.protocol import Observation, Problem, Proposal
 from softclose.propose.side_by_side import best_so_far, compare_engines, run_engine
+from softclose.propose.sobol import initial_point
 from softclose.waveform import Waveform
 
 
 class Recorder:
-    """The Sobol engine, with a record of what it was shown."""
+    """The Sobol engine, a candidate at a time, with a record of what it was shown."""
 
     def __init__(self) -> None:
         self.shown: list[tuple[int, int, int]] = []
@@ -22,12 +23,14 @@ class Recorder:
         self, problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> Proposal:
         self.shown.append((index, len(history), len(pending)))
-        return load_engine("sobol").propose(problem, index, history, pending)
+        point = initial_point(problem, index)
+        return Proposal(waveform=problem.space.waveform(point), origin="sobol", n_switches=20)
 
 
 def observation(index: int, g: float, n_switches: int, *, failed: bool = False) -> Observation:
     return Observation(
         index=index,
+        wave=index,
         waveform=Waveform.from_rows([(0.0, 4.0, float("inf"), 100.0)]),
         origin="sobol",
         n_switches=n_switches,
@@ -49,6 +52,14 @@ def test_an_engine_sees_what_it_would_see_with_that_many_candidates_in_flight(la
     assert recorder.shown == [(i, max(i - lag + 1, 0), min(i, lag - 1)) for i in range(6)]
     assert [o.index for o in history] == list(range(6))
     assert len(wall) == len(spent) == 6
+
+
+def test_a_wave_of_an_engine_that_proposes_singly_shows_it_the_others_of_the_wave() -> None:
+    config = load_config({"campaign": {"budget": 7, "wave": 3, "lag": 2}, "population": {"n_switches": 20}})
+    recorder = Recorder()
+    history, _, _ = run_engine(config, recorder)
+    assert [o.wave for o in history] == [0, 0, 0, 1, 1, 1, 2]
+    assert recorder.shown == [(0, 0, 0), (1, 0, 1), (2, 0, 2), (3, 0, 3), (4, 0, 4), (5, 0, 5), (6, 3, 3)]
 
 
 def test_the_best_is_one_on_the_largest_ensemble() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from softclose.config import CampaignConfig, ConfigError, canonical_json, known_keys, load_config
+from softclose.plugins import EngineError
 
 
 def test_defaults_follow_from_an_empty_file() -> None:
@@ -26,7 +28,7 @@ def test_plain_values_round_trip_with_their_fingerprint() -> None:
 
 def test_any_setting_changes_the_fingerprint() -> None:
     base = load_config({}).fingerprint()
-    changes = ["campaign.seed=2", "objective.level=0.95", "compute.chunk_switches=500", "population.name=modified"]
+    changes = ["campaign.seed=2", "objective.level=0.95", "compute.block_switches=500", "population.name=modified"]
     assert len({base, *(load_config({}, [change]).fingerprint() for change in changes)}) == len(changes) + 1
 
 
@@ -48,18 +50,86 @@ def test_the_population_is_part_of_the_configuration(tmp_path: Path) -> None:
         ("population.name=curent", "did you mean 'current'"),
         ("optimiser.engine=skop", "did you mean 'skopt'"),
         ("waveform.space=one-pulse", "waveform.space is 'one-pulse'"),
-        ("waveform.max_volts=0", "greater than 0"),
-        ("waveform.min_rise_us=2.5", "waveform.min_rise_us is 2.5"),
+        (
+            "waveform.max_volts=0",
+            r"waveform.max_volts is 0; it must be a finite number from 1 to 1000 V \(default 150\)",
+        ),
+        ("waveform.max_volts=1e-3", "from 1 to 1000 V"),
+        ("waveform.max_volts=1e9", "from 1 to 1000 V"),
+        ("waveform.min_rise_us=2.5", "waveform.min_rise_us is 2.5; it must be a finite number of 4 µs or more"),
+        ("objective.level=2", "objective.level is 2; it must be a finite number above 0 and below 1"),
+        ("objective.limits_cm_s=[5,-1]", "objective.limits_cm_s.1 is -1; it must be a finite number above 0 cm/s"),
+        ("objective.limits_cm_s=5", "objective.limits_cm_s is 5; it must be a list, each entry a finite number"),
+        ("population.sampling=sobl", "did you mean 'sobol'. it must be one of monte-carlo, sobol"),
+        ("store.durable=3", "store.durable is 3; it must be true or false"),
+        ("population.name=''", "population.name is ''; it must be a text that is not empty"),
         ("waveform.initial=[[[0,2.5,3,100]]]", "waveform.initial.0.: pulse 1: pulse rises in 2.5 µs"),
         ("waveform.initial=[[[0,4,3,160]]]", "reaches 160 V; .* may not exceed 150 V"),
         ("model.horizon_us=inf", "finite"),
-        ("compute.chunk_switches=1", "2000 chunks; at most 256"),
+        ("compute.block_switches=1", "2000 blocks; at most 256"),
         ("campaign=3", "not of the form section.key=value"),
     ],
 )
 def test_a_bad_value_is_refused_by_name(override: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         load_config({}, [override])
+
+
+def test_no_message_is_in_the_validator_s_words() -> None:
+    bad = {section: {key: [[]] for key in keys} for section, keys in known_keys().items() if section != "waveform"}
+    with pytest.raises(ConfigError) as caught:
+        load_config(bad)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == sum(map(len, bad.values()))
+    for line in lines:
+        assert re.match(r"\w+\.\w+(\.0)? is .*; it must be ", line), line
+        assert "nput" not in line
+        assert "alid" not in line
+
+
+def test_a_stored_configuration_is_read_without_its_plugins() -> None:
+    stored = load_config({}).to_dict()
+    stored["optimiser"]["engine"], stored["model"]["name"] = "their-own", "their-model"
+    config = CampaignConfig.from_dict(stored)
+    assert config.optimiser.engine == "their-own"
+    with pytest.raises(EngineError, match="their-own"):
+        config.check_plugins()
+    with pytest.raises(ConfigError, match="their-own"):
+        load_config(stored)
+    revised = config.revised(["objective.level=0.5"])
+    assert (revised.objective.level, revised.model.name) == (0.5, "their-model")
+
+
+def test_the_unshaped_step_follows_the_limit() -> None:
+    assert load_config({}).reference.step_volts == 100.0
+    assert load_config({}, ["waveform.max_volts=60"]).reference.step_volts == 60.0
+    assert load_config({}, ["waveform.max_volts=60", "reference.step_volts=80"]).reference.step_volts == 80.0
+
+
+def fitted(tmp_path: Path, area: str = "plate_area_um2 = 15000.0") -> str:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'name = "mine"\nbase = "current"\n{area}\n')
+    return f"population.name={path}"
+
+
+def test_a_campaign_inherits_the_plate_area_of_its_population(tmp_path: Path) -> None:
+    config = load_config({}, [fitted(tmp_path)])
+    assert config.model.plate_area_um2 == 15000.0
+    again = CampaignConfig.from_dict(config.to_dict())
+    assert again == config
+    assert again.build_population().plate_area_um2 == 15000.0
+    assert load_config({}, [fitted(tmp_path), "model.plate_area_um2=15000"]) == config
+
+
+def test_a_plate_area_other_than_the_population_s_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"given as 16700 µm², but population 'mine' was fitted with 15000 µm²"):
+        load_config({}, [fitted(tmp_path), "model.plate_area_um2=16700"])
+
+
+def test_a_population_without_an_area_leaves_it_to_the_campaign() -> None:
+    assert load_config({}).model.plate_area_um2 == 16700.0
+    assert load_config({}, ["model.plate_area_um2=15000"]).model.plate_area_um2 == 15000.0
+    assert "plate_area_um2" not in load_config({}).population_model
 
 
 def test_every_problem_is_listed_at_once() -> None:
@@ -86,14 +156,14 @@ def test_a_population_file_is_found_beside_its_campaign(tmp_path: Path) -> None:
 def test_chunks_stay_bounded_whatever_the_ensemble() -> None:
     for n in (1, 999, 1000, 64_000, 10_000_000):
         config = load_config({}, [f"population.n_switches={n}"])
-        assert -(-n // config.chunk_switches) <= 64
+        assert -(-n // config.block_switches) <= 64
 
 
 def test_the_automatic_chunk_size_is_written_out() -> None:
     """A store must not depend on what a later version would choose."""
-    assert load_config({}, ["population.n_switches=500"]).to_dict()["compute"]["chunk_switches"] == 500
-    assert load_config({}, ["population.n_switches=500000"]).to_dict()["compute"]["chunk_switches"] == 7813
-    assert load_config({}, ["compute.chunk_switches=100"]).to_dict()["compute"]["chunk_switches"] == 100
+    assert load_config({}, ["population.n_switches=500"]).to_dict()["compute"]["block_switches"] == 500
+    assert load_config({}, ["population.n_switches=500000"]).to_dict()["compute"]["block_switches"] == 7813
+    assert load_config({}, ["compute.block_switches=100"]).to_dict()["compute"]["block_switches"] == 100
 
 
 def test_every_section_documents_its_keys() -> None:
@@ -103,7 +173,9 @@ def test_every_section_documents_its_keys() -> None:
         "model",
         "waveform",
         "objective",
+        "reference",
         "optimiser",
+        "explore",
         "finish",
         "compute",
         "store",

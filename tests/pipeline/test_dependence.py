@@ -26,6 +26,7 @@ def history(of: Problem, n: int = 60) -> list[Observation]:
         found.append(
             Observation(
                 index=i,
+                wave=i,
                 waveform=waveform,
                 origin="sobol",
                 n_switches=100,

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +55,40 @@ def test_the_series_of_the_motion_match_finite_differences():
         acceleration = (evaluate(series, h + d)[1] - evaluate(series, h - d)[1]) / (2 * d)
         volts = 50.0 + 40.0 * np.cos(omega * h + 0.3)
         np.testing.assert_allclose(acceleration, c * (volts / (gap - x)) ** 2 - k * x, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("order", "terms"), [(14, 10), (9, 5), (16, 12)])
+def test_the_generator_s_constants_set_the_degree_and_the_number_of_terms(order: int, terms: int) -> None:
+    # Without the compiler: the text alone. What an order leaves out must shrink as its first dropped term.
+    text = generate_series.render(order, terms)
+    made: dict[str, Any] = {}
+    exec(re.sub(r"@njit\(.*\)", "", text), made)
+    assert (made["ORDER"], made["TERMS"]) == (order, terms)
+
+    x0, v0, gap, c, k, omega = 0.7, 0.1, 3.7, 2.2e-5, 0.019, 0.5
+    u = made["drive"](made["constant"](50.0), 40.0 * np.cos(0.3), 40.0 * np.sin(0.3), omega)
+    series = made["flight_driven"](x0, v0, u, gap, c, k)
+    assert (len(series), len(u)) == (order + 1, order - 1)
+    d = 1e-4
+    for h in (0.1, 0.4):
+        x, v = made["evaluate"](series, h)
+        acceleration = (made["evaluate"](series, h + d)[1] - made["evaluate"](series, h - d)[1]) / (2 * d)
+        volts = 50.0 + 40.0 * np.cos(omega * h + 0.3)
+        np.testing.assert_allclose(acceleration, c * (volts / (gap - x)) ** 2 - k * x, rtol=1e-8)
+        drop, speed = made["descent"](series, h)
+        np.testing.assert_allclose([(x0 - x) / h, v], [drop, speed], rtol=1e-12)
+        rows = np.empty((2, 1, 1))
+        made["sample"](series, 3.0, np.array([3.0 + h]), 0, 1, 0, rows[0], rows[1])
+        np.testing.assert_allclose(rows[:, 0, 0], [x, v], rtol=1e-12)
+    still = made["flight_constant"](x0, v0, 50.0, gap, c, k)
+    np.testing.assert_allclose(still, made["flight_driven"](x0, v0, made["constant"](50.0), gap, c, k), rtol=1e-12)
+
+    bounce = made["flight_time"](2.4, gap, c * 90.0**2, k)
+    assert len(bounce) == terms
+    w = 0.02
+    back = made["flight_constant"](2.4, -w, 90.0, gap, c, k)
+    t = made["bounce_duration"](bounce, w)
+    np.testing.assert_allclose(made["evaluate"](back, t)[0], 2.4, atol=1e-9)
 
 
 def test_plain_python_gives_the_same_answers_as_compiled_code():

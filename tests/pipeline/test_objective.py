@@ -86,7 +86,7 @@ def test_failed_switches_count_as_open_without_contact() -> None:
 def test_the_chance_form_is_v_u_where_p_nc_is_allowed_and_penalised_beyond() -> None:
     response = _made([10.0] * 100, [True] * 97 + [False] * 3)
     inside = assess(response, form="chance", p_max=0.03)
-    assert inside.feasible
+    assert not inside.feasible  # the estimate meets the limit, the interval does not establish it: see test_limit.py
     assert inside.g_cm_s == inside.v_u_cm_s
     outside = assess(response, form="chance", p_max=0.01, chance_penalty_cm_s=500.0)
     assert not outside.feasible

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import xarray
+from numpy.testing import assert_array_equal
 
 import small_store
 from small_store import create
@@ -44,8 +45,8 @@ def reference(tmp_path_factory):
 def test_a_kill_at_a_named_step_loses_nothing_committed_and_ends_in_the_same_store(point, tmp_path, reference):
     rng = random.Random(point)
     path = tmp_path / "a.zarr"
-    passages = {"inside-creation": [1], "inside-record": [7, 90], "inside-chunk-write": [5, 30]}
-    for passage in passages.get(point, [rng.randrange(1, 5)]):
+    passages = {"inside-creation": [1], "inside-record": [4, 9], "inside-chunk-write": [5, 30]}
+    for passage in passages.get(point, [rng.randrange(1, 4)]):
         killed = drive(path, f"{point}:{passage}")
         assert killed.wait(timeout=60) == -signal.SIGKILL
         if point == "inside-creation":
@@ -60,11 +61,12 @@ def test_a_kill_at_a_named_step_loses_nothing_committed_and_ends_in_the_same_sto
     assert verify(path).ok
 
 
-def test_a_chunk_is_not_computed_again_after_a_kill(tmp_path):
+def test_a_block_is_not_computed_again_after_a_kill(tmp_path):
     path = tmp_path / "a.zarr"
     assert drive(path, "after-marker:5").wait(timeout=60) == -signal.SIGKILL
-    done = {p: p.stat().st_mtime_ns for p in path.glob("x/c.1.*")}
-    assert len(done) == 2
+    assert open_campaign(path).committed == 0
+    done = {p: p.stat().st_mtime_ns for p in path.glob("search/x/c.*")}
+    assert len(done) == 5
     assert drive(path).wait(timeout=60) == 0
     assert {p: p.stat().st_mtime_ns for p in done} == done
 
@@ -72,22 +74,30 @@ def test_a_chunk_is_not_computed_again_after_a_kill(tmp_path):
 def test_xarray_reads_committed_candidates_while_a_writer_commits(tmp_path, reference):
     path = tmp_path / "a.zarr"
     create(path)
-    expected = xarray.open_zarr(reference).load()
+    expected = xarray.open_datatree(reference, engine="zarr").load()
     writer = drive(path)
     seen = set()
     try:
         while writer.poll() is None:
-            data = xarray.open_zarr(path)
+            data = xarray.open_datatree(path, engine="zarr")
             n = data.sizes["candidate"]
             seen.add(n)
-            for name in ("g_cm_s", "waveform", "x", "origin"):
-                assert data[name].load().equals(expected[name].isel(candidate=slice(0, n))), (n, name)
+            for name in ("records", "words", "surrogate", "digests"):
+                assert_array_equal(data[name].load(), expected[name][:n], err_msg=f"{name} of {n}")
+            sizes = [data[stage].sizes["stage_candidate"] for stage in ("search", "finish")]
+            assert sizes == [min(n, 5), max(n - 5, 0)]
+            for stage, size in zip(("search", "finish"), sizes, strict=True):
+                for name in ("x", "response", "impact"):
+                    assert_array_equal(
+                        data[stage][name].load(), expected[stage][name][:size], err_msg=f"{stage} of {n}"
+                    )
             assert open_campaign(path).committed >= n
     finally:
         writer.kill()
     assert writer.wait(timeout=60) == 0
-    assert xarray.open_zarr(path).sizes["candidate"] == 4
-    assert min(seen) < 4
+    assert xarray.open_zarr(path).sizes["candidate"] == 8
+    assert min(seen) < 8
+    assert seen <= {0, 4, 5, 7, 8}
 
 
 def test_a_second_driver_is_refused_and_told_whose_the_store_is(tmp_path):
@@ -104,10 +114,10 @@ def test_a_second_driver_is_refused_and_told_whose_the_store_is(tmp_path):
 def test_a_dead_drivers_lock_is_nobodys(tmp_path):
     path = tmp_path / "a.zarr"
     assert drive(path, "before-commit:2").wait(timeout=60) == -signal.SIGKILL
-    assert (path / "chunk_digest" / "driver.lock").exists()
+    assert (path / "digests" / "driver.lock").exists()
     assert lock_holder(path) is None
     with DriverStore(path) as store:
-        assert store.n_committed == 1
+        assert (store.n_committed, store.n_waves) == (4, 1)
 
 
 def test_a_broken_lock_belongs_to_its_breaker_and_the_old_driver_stops(tmp_path):
@@ -116,8 +126,9 @@ def test_a_broken_lock_belongs_to_its_breaker_and_the_old_driver_stops(tmp_path)
     old = DriverStore(path)
     with DriverStore(path, break_lock=True) as new:
         with pytest.raises(LockedError, match="was broken"):
-            old.propose(0, small_store.proposal(0))
-        new.propose(0, small_store.proposal(0))
+            small_store.run_wave(old)
+        assert new.n_committed == 0
+        small_store.run_wave(new)
         old.close()
         with pytest.raises(LockedError, match="is being driven"):
             DriverStore(path)
@@ -128,8 +139,8 @@ def test_a_broken_lock_belongs_to_its_breaker_and_the_old_driver_stops(tmp_path)
 def test_behind_a_url_a_dead_holder_on_this_host_is_recognised_and_any_other_must_be_broken(host, refused):
     import socket
 
-    from softclose_store.files import open_files, write_key
-    from softclose_store.lock import LOCK_KEY
+    from softclose_store.disk.files import open_files, write_key
+    from softclose_store.disk.lock import LOCK_KEY
 
     url = f"memory://test-lock-{host}/a.zarr"
     create(url)

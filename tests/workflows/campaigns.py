@@ -10,11 +10,11 @@ from pathlib import Path
 SMALL = (
     "campaign.budget=8",
     "population.n_switches=60",
-    "compute.chunk_switches=25",
+    "compute.block_switches=25",
     "store.n_times=51",
     "optimiser.n_initial=4",
 )
-"""Three chunks a candidate, four Sobol points and four proposals of the surrogate."""
+"""Three blocks a candidate; a wave of four design points, then proposals of the surrogate."""
 
 
 def command(*arguments: str) -> list[str]:

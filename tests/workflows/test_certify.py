@@ -12,15 +12,17 @@ from click.testing import CliRunner
 
 from small_series import small_campaign
 from softclose import load_population, simulate
-from softclose_store import list_groups, open_campaign, read_group
+from softclose_store import DamageError, list_groups, open_campaign, read_group
 from softclose_workflows.analyses.certify import (
     DISTINCT_VOLTS,
     STREAM,
     CertifyError,
     certify,
+    certify_again,
     fresh_switches,
     read_certification,
 )
+from softclose_workflows.analyses.chosen import choose
 from softclose_workflows.cli import main
 
 N = 1500
@@ -83,22 +85,77 @@ def test_certification_is_read_back_as_it_was_and_not_computed_again(
             assert a.waveform == b.waveform
 
 
-def test_stored_content_depends_on_nothing_but_the_request(store: str) -> None:
+def test_stored_content_depends_on_nothing_but_the_request(store: str, tmp_path: Path) -> None:
+    other = small_campaign(tmp_path / "other.zarr")
     certify(store, n_switches=N, seed=5, top=2, threads=1)
-    first = read_group(store, "certification")
-    certify(store, n_switches=N, top=2)  # replaces it
-    certify(store, n_switches=N, seed=5, top=2, threads=2)
-    second = read_group(store, "certification")
-    assert list_groups(store) == ["certification"]
+    certify(other, n_switches=N, seed=5, top=1)
+    certify(other, n_switches=N, seed=5, top=2, threads=2)
+    first, second = (read_group(path, f"certification/{N}-5") for path in (store, other))
     assert first.attributes == second.attributes
     assert first.arrays.keys() == second.arrays.keys()
     for name, values in first.arrays.items():
         np.testing.assert_array_equal(values, second.arrays[name])
 
 
+def test_a_small_certification_does_not_replace_a_large_one(tmp_path: Path) -> None:
+    store = small_campaign(tmp_path / "a.zarr")
+    large = certify(store, n_switches=2 * N, top=3)
+    small = certify(store, n_switches=100, top=3)
+    assert list_groups(store) == [f"certification/{n}-1" for n in sorted((100, 2 * N), key=str)]
+    counts = read_certification(store)
+    assert counts is not None
+    assert counts.n_switches == 2 * N
+    assert choose(store).candidate == large.best.candidate
+    assert small.n_switches == 100
+    same_size = certify(store, n_switches=2 * N, seed=99, top=1)
+    assert same_size.seed == 99
+    assert choose(store).seed == 1  # as many switches, as much of the campaign: the smallest seed
+
+
+def test_fewer_candidates_do_not_take_certified_ones_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = small_campaign(tmp_path / "a.zarr")
+    few = certify(store, n_switches=N, top=2)
+    many = certify(store, n_switches=N, top=4)
+    assert {d.candidate for d in many.candidates} > {d.candidate for d in few.candidates}
+    monkeypatch.setattr("softclose_workflows.analyses.certify.simulate_fresh", None)
+    again = certify(store, n_switches=N, top=1)
+    assert [d.candidate for d in again.candidates] == [d.candidate for d in many.candidates]
+
+
+def test_a_certification_is_computed_again_from_its_metadata(tmp_path: Path) -> None:
+    store = small_campaign(tmp_path / "a.zarr")
+    certify(store, n_switches=N, top=3)
+    name = f"certification/{N}-1"
+    before = {p: p.read_bytes() for p in (tmp_path / "a.zarr" / name).rglob("*") if p.is_file()}
+    damaged = next(p for p in before if "max_contact_speed" in str(p) and p.name != "zarr.json")
+    damaged.write_bytes(b"nothing")
+    with pytest.raises(DamageError):
+        read_certification(store)
+    certify_again(store, name)
+    assert {p: p.read_bytes() for p in before} == before
+    (tmp_path / "a.zarr" / name / "zarr.json").write_text("{}")
+    with pytest.raises(CertifyError, match="does not say any more what was certified"):
+        certify_again(store, name)
+
+
+def test_a_missing_reference_says_why(tmp_path: Path) -> None:
+    store = small_campaign(tmp_path / "a.zarr", "waveform.max_volts=60")
+    result = certify(store, n_switches=100, top=1)
+    assert [d.name for d in result.references] == ["unshaped"]
+    assert result.references[0].waveform.max_voltage(250.0) == 60.0
+    assert "60 V never bring the mean switch" in result.missing["deterministic"]
+    read = read_certification(store)
+    assert read is not None
+    assert read.missing == result.missing
+    told = CliRunner().invoke(main, ["certify", store, "--switches", "100", "--top", "1"]).stdout
+    assert "no deterministic design to compare with: 60 V never bring" in told
+    said = json.loads(CliRunner().invoke(main, ["certify", store, "--switches", "100", "--top", "1", "--json"]).stdout)
+    assert said["missing_references"] == result.missing
+
+
 def test_the_campaign_is_left_as_it_was(store: str) -> None:
     before = open_campaign(store)
-    certify(store, n_switches=100, top=1)
+    certify(store, n_switches=100, seed=8, top=1)
     after = open_campaign(store)
     assert after.committed == before.committed
     assert after.fingerprint == before.fingerprint
@@ -119,8 +176,13 @@ def test_command_prints_one_json_object(store: str) -> None:
 
 
 def test_bad_requests_are_refused(store: str, tmp_path: Path) -> None:
-    with pytest.raises(CertifyError, match="at least 1"):
-        certify(store, n_switches=0)
+    with pytest.raises(CertifyError, match=r"79 fresh switches certify nothing here: at least 80 are needed"):
+        certify(store, n_switches=79)
+    one = CliRunner().invoke(main, ["certify", store, "--switches", "1"])
+    assert one.exit_code == 2
+    assert "at least 80 are needed" in one.stderr
+    with pytest.raises(CertifyError, match="0 candidates are to be certified"):
+        certify(store, n_switches=N, top=0)
     nothing = CliRunner().invoke(main, ["certify", str(tmp_path / "none.zarr")])
     assert nothing.exit_code == 2
     assert "none.zarr" in nothing.stderr
@@ -129,4 +191,4 @@ def test_bad_requests_are_refused(store: str, tmp_path: Path) -> None:
 def test_a_campaign_without_candidates_cannot_be_certified(tmp_path: Path) -> None:
     store = small_campaign(tmp_path / "empty.zarr", run=False)
     with pytest.raises(CertifyError, match="no usable candidate yet"):
-        certify(store, n_switches=10)
+        certify(store, n_switches=N)

@@ -148,7 +148,7 @@ def test_verbose_shows_where_an_error_came_from(tmp_path: Path) -> None:
     done = softclose("--verbose", "run", "curent", "--store", str(tmp_path / "a.zarr"))
     assert done.exit_code == 2
     assert "Traceback" in done.output
-    assert "did you mean current?" in done.output
+    assert "did you mean 'current'?" in done.output
 
 
 def test_output_to_a_pipe_has_no_colour(finished_store: Path) -> None:

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from softclose.waveform import Pulse, Waveform
 from softclose_store import open_campaign
 from softclose_workflows.cli import main
-from softclose_workflows.exports.files import ExportError, whole_file
+from softclose_workflows.errors import ExportError
 from softclose_workflows.exports.pwl import STEP_EDGE_US, draw, spice_source
 from softclose_workflows.exports.samples import Scale, metadata, sample_times_us
+from softclose_workflows.tell.outputs import whole_file
 
 
 def export(store: Path, *arguments: str) -> Result:

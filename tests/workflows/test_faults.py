@@ -11,12 +11,23 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import psutil
 import pytest
 
 from campaigns import SMALL, command, run_arguments, softclose
+from softclose import Waveform, plugins, simulate
+from softclose.config import load_config
+from softclose.device import CannotSimulate
+from softclose.propose import plan, proposer
+from softclose.propose.protocol import Problem, Proposal
+from softclose.propose.sobol import initial_point
 from softclose_store import open_campaign
+from softclose_workflows.commands.driving import drive
+from softclose_workflows.errors import Stopped
+from softclose_workflows.run.executors import Placement
 from stores import differences
 from test_contracts import wait_for_commits
 
@@ -81,18 +92,67 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
 
 
 @pytest.mark.slow
-def test_a_chunk_that_kills_every_worker_fails_its_candidate_and_the_campaign_goes_on(tmp_path: Path) -> None:
-    """Each worker dies at its first marker; `campaign.budget` shows that the second candidate was tried too."""
+def test_a_block_that_kills_every_worker_stops_the_run_and_records_nothing(tmp_path: Path) -> None:
+    """Each worker dies at its first marker: a fault of the machine, for all that the run can tell."""
     store = tmp_path / "a.zarr"
     settings = ("campaign.budget=2", "population.n_switches=20", "optimiser.n_initial=2")
     done = softclose(
         *run_arguments(store, *settings), "--workers", "1", env={"SOFTCLOSE_FAULT": "before-marker:1"}, timeout=280
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 3, done.stderr
+    assert "killed 4 workers" in done.stderr
+    assert open_campaign(store).committed == 0
+    assert softclose("resume", str(store), "--serial", "--quiet").returncode == 0
+    assert open_campaign(store).finished
+
+
+class Moody:
+    """A device model that has no answer to slow pulses, or meets a fault of the machine."""
+
+    def __init__(self, fault: Exception) -> None:
+        self.fault = fault
+        self.calls = 0
+
+    def __call__(self, switches: np.ndarray, waveform: Waveform, **settings: object) -> object:
+        self.calls += 1
+        if waveform.pulses[0].rise_us > 6.0:
+            raise self.fault
+        return simulate(switches, waveform, **settings)
+
+
+def run_moody(store: Path, fault: Exception, monkeypatch: pytest.MonkeyPatch) -> Moody:
+    moody = Moody(fault)
+    entry = SimpleNamespace(name="moody", load=lambda: moody)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
+    settings = ("model.name=moody", "optimiser.engine=sobol", "campaign.wave=4")
+    drive(str(store), Placement(serial=True), config=load_config("current", (*SMALL, *settings)), quiet=True)
+    return moody
+
+
+@pytest.mark.parametrize("fault", [CannotSimulate("the mesh folds"), ArithmeticError("the mesh folds")])
+def test_the_device_models_own_word_fails_its_candidate_and_the_campaign_goes_on(
+    fault: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = tmp_path / "a.zarr"
+    run_moody(store, fault, monkeypatch)
     records = open_campaign(store).records()
-    assert records["failed"].tolist() == [True, True]
-    assert all("killed 4 workers" in reason for reason in records["failure"])
-    assert json.loads(softclose("status", str(store), "--json").stdout)["failed"] == 2
+    slow = records["waveform"][:, 0, 1] > 6.0
+    assert 0 < slow.sum() < len(slow)
+    assert records["failed"].tolist() == slow.tolist()
+    assert all("the mesh folds" in reason for reason in records["failure"][slow])
+    assert np.isfinite(records["g_cm_s"][~slow]).all()
+
+
+@pytest.mark.parametrize("fault", [MemoryError("no room"), ImportError("no such package"), OSError("no such folder")])
+def test_a_fault_of_the_machine_is_tried_three_times_then_stops_the_run_and_records_nothing(
+    fault: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = tmp_path / "a.zarr"
+    with pytest.raises(Stopped, match=str(fault)):
+        run_moody(store, fault, monkeypatch)
+    assert not open_campaign(store).records()["failed"].any()
+    monkeypatch.undo()
+    assert softclose("verify", str(store)).returncode == 0
 
 
 @pytest.mark.slow
@@ -200,26 +260,54 @@ def test_everything_that_listens_listens_on_loopback(tmp_path: Path) -> None:
     assert listening == {"127.0.0.1"}
 
 
-def test_an_engine_that_fails_is_replaced_and_the_record_says_so(
+def test_a_stranger_on_the_same_machine_is_refused_by_the_local_cluster() -> None:
+    from distributed import Client
+
+    from softclose_workflows.run.executors.dask import local_cluster
+
+    with local_cluster(1, 30.0) as executor:
+        address = executor._client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        with pytest.raises(OSError, match="closed"):
+            Client(address.replace("tls://", "tcp://"), timeout=5)
+        with pytest.raises((OSError, TypeError)):  # TLS, but without the run's certificate
+            Client(address, timeout=5)
+        assert executor.n_workers == 1
+
+
+class Broken:
+    """An engine that fails at every candidate from the given one on."""
+
+    def __init__(self, first: int) -> None:
+        self.first = first
+
+    def propose(self, problem: Problem, index: int, *seen: object) -> Proposal:
+        if index >= self.first:
+            raise FloatingPointError("the covariance is not positive definite")
+        waveform = problem.space.waveform(initial_point(problem, index))
+        return Proposal(waveform=waveform, origin="sobol", n_switches=problem.config.population.n_switches)
+
+
+def test_an_engine_that_fails_now_and_then_is_replaced_and_the_record_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from softclose.config import load_config
-    from softclose.propose import proposer, protocol
-    from softclose_workflows.commands.driving import drive
-    from softclose_workflows.run.executors import Placement
-
-    class Broken:
-        def propose(self, *_: object) -> protocol.Proposal:
-            raise FloatingPointError("the covariance is not positive definite")
-
-    real = protocol.load_engine
-    monkeypatch.setattr(proposer, "load_engine", lambda name: Broken() if name == "skopt" else real(name))
-    config = load_config({}, SMALL)
-    drive(str(tmp_path / "a.zarr"), Placement(serial=True), config=config, quiet=True)
+    real = proposer.load_engine
+    monkeypatch.setattr(proposer, "load_engine", lambda name: Broken(5) if name == "skopt" else real(name))
+    monkeypatch.setattr(plan, "load_engine", lambda name: Broken(5) if name == "skopt" else real(name))
+    drive(str(tmp_path / "a.zarr"), Placement(serial=True), config=load_config({}, SMALL), quiet=True)
     records = open_campaign(tmp_path / "a.zarr").records()
-    assert all(origin.startswith("fallback") for origin in records["origin"])
-    assert all("the covariance is not positive definite" in note for note in records["note"])
+    assert [origin == "fallback" for origin in records["origin"]] == [False] * 5 + [True] * 3
+    assert all("the covariance is not positive definite" in note for note in records["note"][5:])
     assert not records["failed"].any()
+
+
+def test_an_engine_that_keeps_failing_stops_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = proposer.load_engine
+    monkeypatch.setattr(proposer, "load_engine", lambda name: Broken(2) if name == "skopt" else real(name))
+    monkeypatch.setattr(plan, "load_engine", lambda name: Broken(2) if name == "skopt" else real(name))
+    with pytest.raises(Stopped, match=r"failed 5 times in a row.*covariance is not positive definite"):
+        drive(str(tmp_path / "a.zarr"), Placement(serial=True), config=load_config({}, SMALL), quiet=True)
+    assert open_campaign(tmp_path / "a.zarr").committed == 6
 
 
 @pytest.mark.parametrize(

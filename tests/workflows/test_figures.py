@@ -14,8 +14,9 @@ from reported import empty_store
 from softclose_workflows.cli import main
 from softclose_workflows.commands.figures import NAMES
 from softclose_workflows.figures.drawing import FIGURES
+from softclose_workflows.figures.saving import FORMATS
 from softclose_workflows.figures.style import RC
-from softclose_workflows.figures.writing import FORMATS, write_figures
+from softclose_workflows.figures.writing import write_figures
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.report.gather import gather
 

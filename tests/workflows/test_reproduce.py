@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from softclose.presets import preset_names
 from softclose_workflows.cli import main
+from softclose_workflows.figures.reproduction import draw_all
 from softclose_workflows.run.executors import Placement
 from softclose_workflows.studies.published import CASES, presets
 from softclose_workflows.studies.reproduce import members, reproduce
@@ -21,8 +22,9 @@ from softclose_workflows.studies.series import Effort
 TINY = (
     "campaign.budget=3",
     "population.n_switches=40",
+    "explore.budget=0",
     "finish.budget=0",
-    "compute.chunk_switches=0",
+    "compute.block_switches=0",
     "store.n_times=6",
     "optimiser.engine=sobol",
 )
@@ -59,8 +61,8 @@ def monkeypatch_module() -> Iterator[pytest.MonkeyPatch]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch_module: pytest.MonkeyPatch) -> Path:
     out = tmp_path_factory.mktemp("reproduce")
-    monkeypatch_module.setattr("softclose_workflows.studies.reproduce_figures.N_DRAWN", 3)
-    reproduce(out, EFFORT, TINY)
+    monkeypatch_module.setattr("softclose_workflows.figures.reproduction.N_DRAWN", 3)
+    draw_all(out / "figures", reproduce(out, EFFORT, TINY))
     return out
 
 
@@ -68,7 +70,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch_module: pytest.
 def test_a_second_run_writes_the_same_bytes(folder: Path) -> None:
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and "stores" not in p.parts}
     assert {"table.txt", "table.json"} <= {p.name for p in before}
-    reproduce(folder, EFFORT, TINY)
+    draw_all(folder / "figures", reproduce(folder, EFFORT, TINY))
     assert all(p.read_bytes() == content for p, content in before.items())
 
 
@@ -87,7 +89,7 @@ def test_table_sets_published_figures_beside_ours(folder: Path) -> None:
 
 
 def test_command_prints_json(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softclose_workflows.studies.reproduce_figures.draw_all", lambda folder, rows: [])
+    monkeypatch.setattr("softclose_workflows.figures.reproduction.draw_all", lambda folder, rows: [])
     sets = [part for setting in TINY for part in ("--set", setting)]
     asked = ["reproduce", "--out", str(folder), "--serial", "--switches", "100", *sets]
     done = CliRunner().invoke(main, [*asked, "--json"])

@@ -104,3 +104,18 @@ def test_bad_settings_are_refused(store: str, bad: list[str]) -> None:
     done = CliRunner().invoke(main, ["rescore", store, *bad])
     assert done.exit_code == 2
     assert "objective." in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("bad", "says"),
+    [
+        (["--rows", "-3"], "-3 is not in the range x>=1"),
+        (["--closed-by", "1e9"], "--closed-by is 1e+09 µs; the campaign simulated from 0 to 250 µs"),
+        (["--closed-by", "-1"], "--closed-by is -1 µs"),
+        (["--impacts-until", "251"], "--impacts-until is 251 µs"),
+    ],
+)
+def test_rows_and_instants_that_do_not_exist_are_refused(store: str, bad: list[str], says: str) -> None:
+    done = CliRunner().invoke(main, ["rescore", store, *bad])
+    assert done.exit_code == 2
+    assert says in done.stderr

@@ -110,7 +110,7 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
 
 
 def test_bad_values_and_names_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="did you mean restitution"):
+    with pytest.raises(ConfigError, match="did you mean 'restitution'"):
         load_study("restitutions")
     path = tmp_path / "s.toml"
     path.write_text('name="a"\nbase="current"\nparameter="model.restitution"\nvalues=[0.5, 1.5]')

@@ -10,15 +10,17 @@ from pathlib import Path
 import pytest
 
 from campaigns import softclose
+from softclose_store import open_campaign
 from stores import differences
 
 
-def test_replayed_chunks_and_proposals_are_equal_bit_for_bit(reference_store: Path) -> None:
+def test_replayed_blocks_and_waves_are_equal_bit_for_bit(reference_store: Path) -> None:
     done = softclose("verify", str(reference_store), "--replay", "30", "--json")
     told = json.loads(done.stdout)
     assert done.returncode == 0, done.stdout
-    assert len(told["replayed_chunks"]) == 24
-    assert len(told["replayed_proposals"]) == 8
+    campaign = open_campaign(reference_store)
+    assert len({tuple(block) for block in told["replayed_blocks"]}) == 3 * campaign.committed
+    assert told["replayed_waves"] == list(range(campaign.n_waves))
     assert told["differing"] == []
 
 

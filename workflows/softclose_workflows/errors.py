@@ -13,9 +13,9 @@ class ExecutorError(ValueError):
     """An executor that cannot be started as asked: an unreachable scheduler, an impossible number of workers."""
 
 
+class ExportError(ValueError):
+    """An export that cannot be made as asked; nothing was written."""
+
+
 class Stopped(RuntimeError):
     """The campaign stopped before its end; what is committed is whole, and `resume` continues from there."""
-
-
-class ChunkFailure(RuntimeError):
-    """One chunk could not be computed, however often it was tried: its candidate is recorded as failed."""

@@ -32,8 +32,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-ORDER = 16
-TERMS = 12
+ORDER = {order}
+TERMS = {terms}
 # Sums may be reordered by the compiler, once for all: each switch runs this same scalar code wherever it stands.
 # Reordered sums need one copy of the code: everything is inlined into the entry point (`forceinline`). Where a function
 # was compiled by itself too, the process that compiled ran another copy than those that loaded the cache: other bits.
@@ -79,13 +79,24 @@ def pack(names: list[str]) -> str:
     return listing("return ", names)
 
 
-XS = [f"x{n}" for n in range(ORDER + 1)]
-US = [f"u{n}" for n in range(ORDER - 1)]
+def xs(order: int) -> list[str]:
+    """Coefficients of x."""
+    return [f"x{n}" for n in range(order + 1)]
 
 
-def flight(driven: bool) -> str:
-    last = ORDER - 1
-    lines = [unpack(US, "u")] if driven else []
+def us(order: int) -> list[str]:
+    """Coefficients of the voltage that those of x take."""
+    return [f"u{n}" for n in range(order - 1)]
+
+
+def ds(order: int) -> list[str]:
+    """Coefficients of v."""
+    return ["x1", *(f"{float(n)} * x{n}" for n in range(2, order + 1))]
+
+
+def flight(driven: bool, order: int) -> str:
+    last = order - 1
+    lines = [unpack(us(order), "u")] if driven else []
     lines += ["    r = 1.0 / (gap - x0)", f"    s0 = {'u0' if driven else 'u'} * r", "    z1 = x1 * r"]
     lines += ["    x2 = 0.5 * (c * (s0 * s0) - k * x0)", "    z2 = x2 * r"]
     for n in range(1, last):
@@ -96,7 +107,7 @@ def flight(driven: bool) -> str:
         lines.append(f"    x{n + 2} = c * q * {2.0 * scale!r} - k * x{n} * {scale!r}")
         if n + 2 < last:
             lines.append(f"    z{n + 2} = x{n + 2} * r")
-    lines.append(pack(XS))
+    lines.append(pack(xs(order)))
     if driven:
         doc = "Coefficients 0..ORDER of x where u has the coefficients u[0..ORDER-2]."
         return function("flight_driven", "x0, x1, u, gap, c, k", doc, lines)
@@ -109,22 +120,19 @@ def chain(target: str, coefficients: list[str], variable: str, indent: str = "  
     return lines + [f"{indent}{target} = {a} + {variable} * {target}" for a in reversed(coefficients[:-1])]
 
 
-DS = ["x1", *(f"{float(n)} * x{n}" for n in range(2, ORDER + 1))]
-
-
-def evaluate() -> str:
+def evaluate(order: int) -> str:
     # Even and odd powers apart: two short chains of dependent operations instead of a long one.
-    lines = [unpack(XS, "x"), "    h2 = h * h"]
-    for target, series in (("x", XS), ("v", DS)):
+    lines = [unpack(xs(order), "x"), "    h2 = h * h"]
+    for target, series in (("x", xs(order)), ("v", ds(order))):
         lines += chain(f"{target}_even", series[0::2], "h2") + chain(f"{target}_odd", series[1::2], "h2")
     lines.append("    return x_even + h * x_odd, v_even + h * v_odd")
     return function("evaluate", "x, h", "Position and velocity of the polynomial x at h.", lines)
 
 
-def bend() -> str:
-    bs = [f"{float(n * (n - 1))} * abs(x{n})" for n in range(2, ORDER + 1)]
+def bend(order: int) -> str:
+    bs = [f"{float(n * (n - 1))} * abs(x{n})" for n in range(2, order + 1)]
     lines = [
-        unpack(["_x0", "_x1", *XS[2:]], "x"),
+        unpack(["_x0", "_x1", *xs(order)[2:]], "x"),
         "    h2 = h * h",
         *chain("even", bs[0::2], "h2"),
         *chain("odd", bs[1::2], "h2"),
@@ -133,50 +141,50 @@ def bend() -> str:
     return function("bend", "x, h", "Bound on |x''| over [0, h].", lines)
 
 
-def descent() -> str:
-    lines = [unpack(["_x0", *XS[1:]], "x"), "    h2 = h * h"]
-    lines += chain("y_even", XS[1::2], "h2") + chain("y_odd", XS[2::2], "h2")
-    lines += chain("v_even", DS[0::2], "h2") + chain("v_odd", DS[1::2], "h2")
+def descent(order: int) -> str:
+    lines = [unpack(["_x0", *xs(order)[1:]], "x"), "    h2 = h * h"]
+    lines += chain("y_even", xs(order)[1::2], "h2") + chain("y_odd", xs(order)[2::2], "h2")
+    lines += chain("v_even", ds(order)[0::2], "h2") + chain("v_odd", ds(order)[1::2], "h2")
     lines.append("    return -(y_even + h * y_odd), v_even + h * v_odd")
     doc = "(x(0) - x(h)) / h, free of cancellation however small h is, and the velocity at h."
     return function("descent", "x, h", doc, lines)
 
 
-def sample() -> str:
+def sample(order: int) -> str:
     doc = "x and v of the polynomial that starts at t, at times[first:stop], into row i."
-    lines = [unpack(XS, "x")]
-    lines += [f"    d{n} = {float(n)} * x{n}" for n in range(2, ORDER + 1)]
+    lines = [unpack(xs(order), "x")]
+    lines += [f"    d{n} = {float(n)} * x{n}" for n in range(2, order + 1)]
     lines.append("    for m in range(stop - first):")
     # A signed index could wrap around, and such a loop is not vectorised.
     lines += ["        j = np.uintp(first + m)", "        s = times[j] - t"]
-    lines += chain("y", XS, "s", " " * 8)
+    lines += chain("y", xs(order), "s", " " * 8)
     lines.append("        x_out[i, j] = y")
-    lines += chain("y", ["x1", *(f"d{n}" for n in range(2, ORDER + 1))], "s", " " * 8)
+    lines += chain("y", ["x1", *(f"d{n}" for n in range(2, order + 1))], "s", " " * 8)
     lines.append("        v_out[i, j] = y")
     return function("sample", "x, t, times, first, stop, i, x_out, v_out", doc, lines)
 
 
-def constant() -> str:
-    lines = [listing("return ", ["u", *["0.0"] * (ORDER - 2)])]
+def constant(order: int) -> str:
+    lines = [listing("return ", ["u", *["0.0"] * (order - 2)])]
     return function("constant", "u", "Coefficients of a constant voltage.", lines)
 
 
-def drive() -> str:
+def drive(order: int) -> str:
     doc = "Coefficients u plus those of a ramp a cos(omega t + angle); a cos(angle) = cosine, a sin(angle) = sine."
-    lines = [unpack(US, "u"), "    u0 += cosine", "    p = omega", "    u1 -= sine * p"]
-    for n in range(2, ORDER - 1):
+    lines = [unpack(us(order), "u"), "    u0 += cosine", "    p = omega", "    u1 -= sine * p"]
+    for n in range(2, order - 1):
         name = "cosine" if n % 2 == 0 else "sine"
         sign = "-" if n % 4 in (1, 2) else "+"
         lines += ["    p = p * omega", f"    u{n} {sign}= {name} * (p * {1.0 / math.factorial(n)!r})"]
-    lines.append(pack(US))
+    lines.append(pack(us(order)))
     return function("drive", "u, cosine, sine, omega", doc, lines)
 
 
-def flight_time() -> str:
+def flight_time(terms: int) -> str:
     doc = "Coefficients m = 0.. of w^(2m+1) in the flight time after a rebound at speed w; constant pull = c u² closes."
     lines = ["    p0 = 1.0 / (gap - travel)", "    a0 = pull * (p0 * p0) - k * travel", "    b0 = 1.0 / a0"]
     lines += ["    e1 = b0", "    f0 = 2.0 * e1"]
-    for n in range(1, TERMS):
+    for n in range(1, terms):
         lines.append(statement(f"p{n}", [f"e{j} * p{n - j}" for j in range(1, n + 1)], head="-p0 * "))
         lines.append(statement("q", square("p", n)))
         lines.append(f"    a{n} = 2.0 * pull * q + k * e{n}")
@@ -185,20 +193,24 @@ def flight_time() -> str:
         lines.append(f"    e{m} = b{n} * {1.0 / m!r}")
         factor = m * math.gamma(m) * math.sqrt(math.pi) / math.gamma(m + 0.5) * 2.0 ** (1 - m)
         lines.append(f"    f{n} = {factor!r} * e{m}")
-    lines.append(pack([f"f{n}" for n in range(TERMS)]))
+    lines.append(pack([f"f{n}" for n in range(terms)]))
     return function("flight_time", "travel, gap, pull, k", doc, lines)
 
 
-def bounce_duration() -> str:
-    fs = [f"f{n}" for n in range(TERMS)]
+def bounce_duration(terms: int) -> str:
+    fs = [f"f{n}" for n in range(terms)]
     lines = [unpack(fs, "f"), "    w2 = w * w", "    w4 = w2 * w2"]
     lines += [*chain("even", fs[0::2], "w4"), *chain("odd", fs[1::2], "w4"), "    return w * (even + w2 * odd)"]
     return function("bounce_duration", "f, w", "Flight time [µs] after a rebound at speed w.", lines)
 
 
-def render() -> str:
-    parts = [flight(False), flight(True), constant(), drive(), evaluate(), bend(), descent(), sample()]
-    return "".join([HEADER.format(order=ORDER, terms=TERMS), *parts, flight_time(), bounce_duration()])
+def render(order: int = ORDER, terms: int = TERMS) -> str:
+    """The whole module for a polynomial of degree `order` (6 or more) and `terms` terms of a bounce (3 or more)."""
+    motion = [flight(False, order), flight(True, order), constant(order), drive(order)]
+    reading = [evaluate(order), bend(order), descent(order), sample(order)]
+    return "".join(
+        [HEADER.format(order=order, terms=terms), *motion, *reading, flight_time(terms), bounce_duration(terms)]
+    )
 
 
 if __name__ == "__main__":

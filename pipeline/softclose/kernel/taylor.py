@@ -1,4 +1,4 @@
-"""Owns the fast kernel: Taylor series of order 16, contacts marched on the polynomial, bounces in closed form.
+"""Owns the fast kernel: a Taylor series, contacts marched on the polynomial, bounces in closed form.
 
 `rk.py` is its readable twin. The stepping never depends on which outputs are wanted, so that V and the rest are the
 same bits with and without them: samples and impacts are read off what is computed anyway.

@@ -127,6 +127,14 @@ def quantile_interval(ordered: FloatArray, level: float, confidence: float = 0.9
     )
 
 
+def least_for_quantile_interval(level: float, confidence: float = 0.95) -> int:
+    """Fewest draws that bound the level-quantile from above with this confidence: 36 at 90 % and 95 %."""
+    n = 1
+    while order_statistic_ranks(n, level, confidence)[1] > n:
+        n += 1
+    return n
+
+
 def quantile_standard_error(ordered: FloatArray, level: float) -> float:
     """Maritz and Jarrett's standard error of the level-quantile. ordered: (n,) ascending; NaN for fewer than 2 draws.
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from softclose.metrics import intervals
 from softclose.metrics.intervals import Interval, Proportion
+from softclose.metrics.limit import Limit, limit_on
 
 FloatArray = NDArray[np.float64]
 Form = Literal["penalty", "chance"]
@@ -69,7 +70,9 @@ class Assessment:
     g_se_cm_s: float
     """Standard error of g; where v_u is undefined, of its p_nc term only."""
     feasible: bool
-    """p_nc <= p_max; always True in the penalty form."""
+    """The interval of p_nc lies below p_max; always True in the penalty form."""
+    limit: Limit | None
+    """What this ensemble says of p_nc <= p_max; None in the penalty form."""
     v_u_cm_s: float
     """Upper velocity: level-quantile of V over the switches in contact, Eqs. 8-9. NaN where undefined."""
     v_u_interval: Interval
@@ -122,8 +125,8 @@ def assess(
 
     form "penalty": g = v_u + c1 p_nc (Eq. 10). form "chance" (minimise v_u subject to p_nc <= p_max):
     g = v_u + chance_penalty max(0, p_nc - p_max), an exact penalty: where it outweighs what v_u gains per unit of
-    p_nc (about 25 cm/s at the published optimum) the minimum of g is the constrained one. p_nc must be estimated,
-    so p_max is met by the estimate; its intervals say how surely.
+    p_nc (about 25 cm/s at the published optimum) the minimum of g is the constrained one. g has the estimate of p_nc;
+    whether p_max is met is decided by its interval (`limit`, `feasible`).
     Where fewer than min_contact of the switches touch, v_u counts as undefined_v_u in g and is reported as NaN.
     P(V > limit) has the switches in contact as denominator, as v_u has: a waveform cannot pass by not closing.
     Intervals hold for independent random sampling only; `intervals_valid` is False for any other `sampling`.
@@ -162,6 +165,9 @@ def assess(
     # Half of Wilson's width over z is the standard error of p_nc, and stays above 0 where none or all closed.
     p_se = (penalty(p_upper) - penalty(p_lower)) / (2.0 * intervals.normal_quantile(confidence))
 
+    limit = None
+    if form == "chance":
+        limit = limit_on(p_nc, floor, confidence, valid=sampling == "monte-carlo")
     return Assessment(
         n=n,
         n_contact=n_contact,
@@ -173,7 +179,8 @@ def assess(
             g + _joint(q_range[1], p_range[1], association),
         ),
         g_se_cm_s=_joint(v_u_se, p_se, association),
-        feasible=form == "penalty" or p_nc.estimate <= floor,
+        feasible=limit is None or limit.verdict == "met",
+        limit=limit,
         v_u_cm_s=v_u,
         v_u_interval=v_u_interval,
         mean_cm_s=float(v.mean()) if n_contact else math.nan,

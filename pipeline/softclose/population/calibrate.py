@@ -107,6 +107,8 @@ def calibrate(
     bounds: (lower, upper) of any of D, G, E, T known from the process (µm, GPa); the others are estimated, see
     `softclose.population.fit`. Same seed, same intervals. Raises MeasurementError.
     """
+    if not 0.0 < plate_area_um2 < math.inf:
+        raise MeasurementError(f"the plate area is {plate_area_um2:g} µm²; it must be above 0 (--plate-area)")
     bounds = dict(bounds or {})
     parameters = device_parameters(measurements, plate_area_um2)
     _check_settings(bounds, parameters, n_bootstrap, confidence)
@@ -146,6 +148,7 @@ def calibrate(
         population = Population(
             name=name,
             description=f"Fitted to {len(parameters)} measured devices",
+            plate_area_um2=float(plate_area_um2),
             **{v: f.distribution for v, f in fits.items()},
         )
     except PopulationError as e:
@@ -164,6 +167,8 @@ def write_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write the population as TOML that `load_population` accepts; intervals, goodness of fit and notes as comments."""
     lines = [
         calibration.population.description,
+        f"E of each device from Eqs. 3-4 with a plate area of {calibration.population.plate_area():g} µm²; "
+        "campaigns with this population use that area",
         f"fitted number: value [{calibration.confidence:.0%} bootstrap interval]",
     ]
     for v, f in calibration.fits.items():

@@ -21,7 +21,7 @@ from softclose.population.population import VARIABLES, Population
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
 
-_TOP = ("name", "description", "base", *VARIABLES, "targets", "transform")
+_TOP = ("name", "description", "plate_area_um2", "base", *VARIABLES, "targets", "transform")
 _TARGETS = ("mean_M_ug", "mean_K_N_per_m")
 _TRANSFORMS = ("shift_mean", "repeatability")
 _KEYS = {
@@ -122,7 +122,8 @@ def _build(data: Mapping[str, Any], base: Population | None) -> Population:
             raise PopulationError(f"[transform.{v}] {e}") from e
     name = data.get("name", base.name if base else "unnamed")
     description = data.get("description", base.description if base else "")
-    return Population(name=str(name), description=str(description), **known)
+    area = _number(data, "plate_area_um2") if "plate_area_um2" in data else base.plate_area_um2 if base else None
+    return Population(name=str(name), description=str(description), plate_area_um2=area, **known)
 
 
 def _variable(v: str, table: Mapping[str, Any]) -> Bounded | float:
@@ -201,6 +202,8 @@ def write_population(population: Population, path: str | Path, comments: Iterabl
     """Write a file that `read_population` turns back into an equal population. comments: lines put at the top."""
     lines = [f"# {c}" if c else "#" for c in comments]
     lines += [f"name = {_string(population.name)}", f"description = {_string(population.description)}"]
+    if population.plate_area_um2 is not None:
+        lines.append(f"plate_area_um2 = {population.plate_area_um2!r}")
     for v in VARIABLES:
         b: Bounded = getattr(population, v)
         lines += ["", f"[{v}]"]

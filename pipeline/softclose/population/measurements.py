@@ -1,4 +1,8 @@
-"""Owns the CSV of device measurements: gap, travel, thickness and pull-in voltage, checked for units and sense."""
+"""Owns the CSV of device measurements: gap, travel, thickness and pull-in voltage, checked for units and sense.
+
+Spreadsheets of half the world write semicolons between columns and commas in numbers; both are read. What a comma
+means is decided for the whole file, never guessed: it is a decimal sign only where it does not separate columns.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.naming import nearest
-from softclose.plate import A1, PLATE_AREA_UM2, pull_in_voltage
+from softclose.plate import A1, pull_in_voltage
 from softclose.population.population import Population, switches_from_parameters
 
 FloatArray = NDArray[np.float64]
@@ -46,13 +50,19 @@ class Measurements:
 
 
 def read_measurements(path: str | Path) -> Measurements:
-    """Read a CSV with the columns of `COLUMNS`, one device a line. Raises MeasurementError, naming line and column."""
+    """Read a CSV with the columns of `COLUMNS`, one device a line. Raises MeasurementError, naming line and column.
+
+    Columns are separated by commas, semicolons or tabs, as the header shows; lines that begin with # are comments.
+    """
     try:
         text = Path(path).read_text("utf-8-sig")  # spreadsheets like to write a byte-order mark
     except (OSError, UnicodeDecodeError) as e:
         raise MeasurementError(f"the measurements {path} cannot be read: {e}") from e
-    reader = csv.reader(text.splitlines())
-    header = [name.strip() for name in next(reader, [])]
+    lines = ["" if line.lstrip().startswith("#") else line for line in text.splitlines()]
+    first = next((line for line in lines if line.strip()), "")
+    separator = next((s for s in (";", "\t") if s in first), ",")
+    reader = csv.reader(lines, delimiter=separator)
+    header = [name.strip() for name in next((row for row in reader if row), [])]
     for name in COLUMNS:
         if name not in header:
             others = [h for h in header if h not in COLUMNS]
@@ -66,13 +76,29 @@ def read_measurements(path: str | Path) -> Measurements:
             raise MeasurementError(f"{path} has {header.count(name)} columns {name!r}; keep one")
     devices: list[str] = []
     rows: list[list[float]] = []
+    signs: dict[str, str] = {}
     for fields in reader:
         if not any(field.strip() for field in fields):
             continue
+        where = f"{path}, line {reader.line_num}"
+        if any(field.strip() for field in fields[len(header) :]):
+            raise MeasurementError(
+                f"{where}: {len(fields)} fields, but the header names {len(header)} columns; numbers with a decimal "
+                "comma need semicolons or tabs between the columns, in the header too"
+            )
         row = dict(zip(header, fields, strict=False))
         device = row.get("device", "").strip() or f"line {reader.line_num}"
-        where = f"{path}, line {reader.line_num}"
-        rows.append([_value(name, row.get(name, ""), where) for name in COLUMNS])
+        numbers = {name: row.get(name, "").strip() for name in COLUMNS}
+        for sign in ",.":
+            for field in numbers.values():
+                if sign in field:
+                    signs.setdefault(sign, f"line {reader.line_num}: {field}")
+        if len(signs) == 2:
+            raise MeasurementError(
+                f"{path} has decimal commas ({signs[',']}) and decimal points ({signs['.']}); "
+                "use one of them in the whole file, and nothing between thousands"
+            )
+        rows.append([_value(name, field.replace(",", ".", 1), where) for name, field in numbers.items()])
         devices.append(device)
         gap, travel, thickness, _ = rows[-1]
         if travel >= gap:
@@ -93,7 +119,7 @@ def _value(name: str, field: str, where: str) -> float:
     try:
         value = float(field)
     except ValueError as e:
-        raise MeasurementError(f"{where}: {name} is {field.strip()!r}; it must be a number") from e
+        raise MeasurementError(f"{where}: {name} is {field.strip()!r}; it must be a number such as 3.7 or 3,7") from e
     low, high = _RANGE[name]
     unit = "V" if name.endswith("_V") else "µm"
     if not low <= value <= high:
@@ -104,11 +130,11 @@ def _value(name: str, field: str, where: str) -> float:
 
 
 def write_synthetic(
-    population: Population, path: str | Path, *, n: int, seed: int, plate_area_um2: float = PLATE_AREA_UM2
+    population: Population, path: str | Path, *, n: int, seed: int, plate_area_um2: float | None = None
 ) -> None:
     """Write measurements of n devices drawn from a population whose truth is known, without measurement error."""
     parameters = population.sample_parameters(n, seed=seed)
-    u_pi = pull_in_voltage(switches_from_parameters(parameters), plate_area_um2)
+    u_pi = pull_in_voltage(switches_from_parameters(parameters), population.plate_area(plate_area_um2))
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["device", *COLUMNS])

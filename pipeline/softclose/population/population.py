@@ -40,8 +40,13 @@ class Population:
     """Plate thickness [µm]."""
     description: str = ""
     """One sentence for people."""
+    plate_area_um2: float | None = None
+    """Plate area [µm²] under which E was inferred from pull-in voltages; None: E rests on no area."""
 
     def __post_init__(self) -> None:
+        area = self.plate_area_um2
+        if area is not None and not 0.0 < area < np.inf:
+            raise PopulationError(f"plate_area_um2 is {area:g}; it must be above 0 µm²")
         for variable in VARIABLES:
             lower = getattr(self, variable).lower
             if lower <= 0.0:
@@ -56,6 +61,21 @@ class Population:
                 f"D reaches up to {self.D.upper:g} µm and G down to {self.G.lower:g} µm; every switch needs D < G: "
                 "narrow their bounds or move their means apart"
             )
+
+    def plate_area(self, asked_um2: float | None = None) -> float:
+        """Plate area to use with this population [µm²]: its own, else what is asked for, else that of Table 1.
+
+        Raises PopulationError where both are given and differ: E from another area means other switches.
+        """
+        own = self.plate_area_um2
+        if own is None:
+            return PLATE_AREA_UM2 if asked_um2 is None else float(asked_um2)
+        if asked_um2 is not None and not np.isclose(asked_um2, own, rtol=1e-9, atol=0.0):
+            raise PopulationError(
+                f"the plate area is given as {asked_um2:g} µm², but population {self.name!r} was fitted with {own:g} "
+                "µm²: leave it out (model.plate_area_um2, --plate-area), or calibrate again with the other area"
+            )
+        return own
 
     def sample(
         self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0
@@ -95,8 +115,12 @@ class Population:
         """The deterministic switch: (4,) E[D], E[G] [µm], E[K] [N/m], E[M] [µg] (paper §4.1)."""
         return np.array([self.D.mean, self.G.mean, self.mean_K, self.mean_M])
 
-    def summary(self, plate_area_um2: float = PLATE_AREA_UM2) -> dict[str, float]:
-        """Ranges, means and standard deviations, named `quantity_unit`; ranges are those of the bounds."""
+    def summary(self, plate_area_um2: float | None = None) -> dict[str, float]:
+        """Ranges, means and standard deviations, named `quantity_unit`; ranges are those of the bounds.
+
+        plate_area_um2: see `plate_area`.
+        """
+        plate_area_um2 = self.plate_area(plate_area_um2)
         d, g, e, t = self.D, self.G, self.E, self.T
         corners = np.array([[d.lower, g.lower, 0.0, 1.0], [d.upper, g.upper, 0.0, 1.0]])
         corners[:, 2] = stiffness([e.lower, e.upper], [t.lower, t.upper])
@@ -128,6 +152,8 @@ class Population:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and strings that `from_dict` turns back into an equal population; a campaign stores this."""
         out: dict[str, Any] = {"name": self.name, "description": self.description}
+        if self.plate_area_um2 is not None:
+            out["plate_area_um2"] = self.plate_area_um2
         for v in VARIABLES:
             out[v] = getattr(self, v).to_dict()
         return out
@@ -137,7 +163,13 @@ class Population:
         """Inverse of `to_dict`. Raises PopulationError where it is no such dictionary."""
         try:
             bounded = {v: Bounded(**data[v]) for v in VARIABLES}
-            return cls(name=str(data["name"]), description=str(data.get("description", "")), **bounded)
+            area = data.get("plate_area_um2")
+            return cls(
+                name=str(data["name"]),
+                description=str(data.get("description", "")),
+                plate_area_um2=None if area is None else float(area),
+                **bounded,
+            )
         except (KeyError, TypeError) as e:
             raise PopulationError(f"this is not a stored population ({e!r}): it needs name, D, G, E and T") from e
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softclose.propose.origins import BOTORCH, SOBOL
 from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, search_history
 from softclose.propose.sobol import initial_point
 from softclose.waveform import Waveform
@@ -32,9 +33,7 @@ class BotorchEngine:
         place = index - problem.n_initial_waveforms
         known = [o for o in search_history(problem, history) if o.usable and len(o.waveform.pulses) == space.n_pulses]
         if place < problem.config.optimiser.n_initial or len(known) < 2:
-            return Proposal(
-                waveform=space.waveform(initial_point(problem, place)), origin="sobol", n_switches=n_switches
-            )
+            return Proposal(waveform=space.waveform(initial_point(problem, place)), origin=SOBOL, n_switches=n_switches)
         import torch
         from botorch.acquisition.logei import qLogNoisyExpectedImprovement
         from botorch.fit import fit_gpytorch_mll
@@ -56,4 +55,4 @@ class BotorchEngine:
             )
             bounds = torch.tensor([[0.0] * space.dim, [1.0] * space.dim], dtype=torch.float64)
             point, _ = optimize_acqf(acquisition, bounds, q=1, num_restarts=8, raw_samples=256)
-        return Proposal(waveform=space.waveform(point[0].numpy()), origin="botorch", n_switches=n_switches)
+        return Proposal(waveform=space.waveform(point[0].numpy()), origin=BOTORCH, n_switches=n_switches)

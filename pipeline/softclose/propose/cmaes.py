@@ -1,16 +1,17 @@
-"""Owns the CMA-ES engine: the library `cma`, replayed against the records; restarts from fresh points when it
-converges."""
+"""Owns the CMA-ES engine: one run a turn from the middle of the cube or a Sobol point, a generation a wave."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from softclose.propose.protocol import Observation, Problem, Proposal, search_history
-from softclose.propose.replay import Answers, CmaStart, cma_points
+from softclose.propose.descents import Descent, continued
+from softclose.propose.explore import stage_g
+from softclose.propose.origins import CMAES
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave
 from softclose.propose.sobol import initial_point
 from softclose.waveform import Waveform
 
@@ -19,28 +20,33 @@ SIGMA = 0.25
 
 
 class CmaesEngine:
-    """Covariance matrix adaptation, from the middle of the cube, then from points of the Sobol sequence."""
+    """Covariance matrix adaptation without prior knowledge; with `campaign.lag` waves in flight, as many runs."""
 
-    def propose(
-        self, problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]
-    ) -> Proposal:
-        """The next point of the current generation."""
-        space = problem.space
-        answers = Answers(space, search_history(problem, history))
-        origin, point = "cmaes", None
-        with threadpool_limits(limits=1):
-            for run in range(index + 1):
-                begin = np.full(space.dim, 0.5) if run == 0 else initial_point(problem, run - 1, "cmaes")
-                start = CmaStart(point=tuple(begin.tolist()), sigma=SIGMA, population=0)
-                generator = partial(problem.generator, "cmaes", run)
-                identity = ("cmaes", problem.config.campaign.seed, run)
-                point, mean = cma_points(start, answers, pending, space, generator, identity)
-                if point is not None:
-                    break
-                if len(pending):  # the generation is in flight: what waits for it may as well look near its mean
-                    spread = problem.generator("cmaespad", index).standard_normal(space.dim)
-                    origin, point = "cmaes-extra", np.clip(mean + 0.5 * SIGMA * spread, 0.0, 1.0)
-                    break
-        if point is None:
-            origin, point = "sobol", initial_point(problem, index)
-        return Proposal(waveform=space.waveform(point), origin=origin, n_switches=problem.config.population.n_switches)
+    def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
+        """The user's own waveforms beside the first generation, then a generation each."""
+        each, given = _generation(problem), problem.n_initial_waveforms
+        first = min(given + each, budget)
+        return [first, *(min(each, budget - begin) for begin in range(first, budget, each))]
+
+    def propose_wave(
+        self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
+    ) -> list[Proposal]:
+        """The next generation of the run whose turn it is."""
+        each, given, lag = _generation(problem), problem.n_initial_waveforms, problem.config.campaign.lag
+        number = (wave.start - given) // each
+        told = [stage_g(history, given + k * each, given + (k + 1) * each) for k in range(number % lag, number, lag)]
+        with threadpool_limits(limits=1):  # the order of a threaded sum would show in the last bits
+            points = continued(problem, ("cmaes", number % lag), lambda: _begin(problem, number % lag), told).points()
+        waveforms = problem.space.waveforms(points[: wave.size])
+        return [Proposal(waveform=w, origin=CMAES, n_switches=wave.n_switches) for w in waveforms]
+
+
+def _generation(problem: Problem) -> int:
+    """The usual choice, 4 + 3 ln d."""
+    return 4 + int(3.0 * math.log(problem.space.dim))
+
+
+def _begin(problem: Problem, run: int) -> Descent:
+    dim = problem.space.dim
+    start = np.full(dim, 0.5) if run == 0 else initial_point(problem, run - 1, "cmaes")
+    return Descent(problem.space, start, SIGMA, _generation(problem), problem.generator("cmaes", run))

@@ -37,18 +37,62 @@ MOST_REACH_OF_LOT = 1.1
 """Every switch of the lot: hardly any is closed by the finite pulses alone."""
 
 
+SLOW_RISES, SLOW_VOLTS = (0.2, 0.5), (0.1, 0.5)
+"""Slow designs: rises of the finite pulses in horizons, their voltages in pull-in voltages. A soft bump lifts the plate
+while the hold rises over the whole horizon, and nothing is ever in a hurry."""
+
+SLOW_HOLD_RISES, SLOW_START = (0.7, 1.0), 0.1
+"""Rise of their hold, and the latest start of a pulse, in horizons."""
+
+
 def design_point(problem: Problem, place: int, stream: str = "initial", attempt: int = 0) -> FloatArray:
     """(d,) the point at `place` of the design `stream`, repaired to an admissible one.
 
-    attempt: number of the descent that it is for. Every second one catches the plate at its second turn where two
-    pulses are all there is; the scatter that a third has taken out would be back by then.
+    attempt: number of the descent that it is for; see `_family`.
     """
     block, within = divmod(place, BLOCK)
-    turn = attempt % 2 if problem.space.n_pulses == 2 else 0
+    family = _family(problem, attempt)
     known = problem.design_blocks
-    if (stream, block, turn) not in known:
-        known[stream, block, turn] = _block(problem, stream, block, turn)
-    return problem.space.canonical(known[stream, block, turn][within])
+    if (stream, block, family) not in known:
+        make = _slow_block if family == SLOW else _block
+        known[stream, block, family] = make(problem, stream, block, family)
+    return problem.space.canonical(known[stream, block, family][within])
+
+
+FIRST_TURN, SECOND_TURN, SLOW = 0, 1, 2
+"""Families of designs: the hold catches the plate at its first or second turn, or everything is slow."""
+
+
+def _family(problem: Problem, attempt: int) -> int:
+    """With two pulses every second attempt catches the plate at its second turn: the scatter that a third pulse has
+    taken out would be back by then. Every fourth attempt is slow, where every pulse is free and the last one holds."""
+    space = problem.space
+    if attempt % 4 == 3 and space.holds and not space.fixed:
+        return SLOW
+    return SECOND_TURN if attempt % 2 and space.n_pulses == 2 else FIRST_TURN
+
+
+def _slow_block(problem: Problem, stream: str, block: int, family: int) -> FloatArray:
+    """(BLOCK, d) Sobol points among soft bumps under a hold that rises over the horizon."""
+    space, lot = problem.space, problem.lot
+    s = space.scales
+    draws = sobol_points(space.dim, BLOCK, problem.generator(stream, block))
+    rows = np.empty((BLOCK, space.n_pulses, 4))
+    begin, column = np.zeros(BLOCK), iter(draws.T)
+    for j in range(space.n_pulses):
+        last = j == space.n_pulses - 1
+        rise, volts = (SLOW_HOLD_RISES, (0.0, 0.0)) if last else (SLOW_RISES, SLOW_VOLTS)
+        if j:
+            begin = begin + next(column) * SLOW_START * s.horizon_us
+        rows[:, j, 0] = begin
+        rows[:, j, 1] = (rise[0] + next(column) * (rise[1] - rise[0])) * s.horizon_us
+        if last:
+            weak, strong = min(lot.weak_hold_volts, s.max_volts), min(1.2 * lot.strong_hold_volts, s.max_volts)
+            rows[:, j, 2], rows[:, j, 3] = np.inf, weak + next(column) * (strong - weak)
+        else:
+            rows[:, j, 2] = next(column) * SLOW_START * s.horizon_us
+            rows[:, j, 3] = (volts[0] + next(column) * (volts[1] - volts[0])) * s.pull_in_volts
+    return np.clip(space.coordinates_of_rows(rows), 0.0, 1.0)
 
 
 def _block(problem: Problem, stream: str, block: int, turn: int) -> FloatArray:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from scipy.optimize import direct
 from threadpoolctl import threadpool_limits
 
+from softclose.propose.origins import DIRECT, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, search_history
 from softclose.propose.replay import Answers, next_point
 from softclose.propose.sobol import initial_point
@@ -27,7 +28,7 @@ class DirectEngine:
             point = next_point(
                 lambda g: direct(g, bounds, maxfun=100_000, maxiter=10_000, vol_tol=0.0, len_tol=0.0), answers
             )
-        origin = "direct"
+        origin = DIRECT
         if point is None or any(space.waveform(point) == w for w in pending):
-            origin, point = "sobol", initial_point(problem, index)
+            origin, point = SOBOL, initial_point(problem, index)
         return Proposal(waveform=space.waveform(point), origin=origin, n_switches=problem.config.population.n_switches)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
+from softclose.propose.origins import FALLBACK, PAPER_GRID, PAPER_SIMPLEX, PAPER_WIDEN, SOBOL
 from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, search_history
 from softclose.propose.replay import Answers, next_point
 from softclose.propose.sobol import initial_point
@@ -43,21 +44,21 @@ class PaperEngine:
             )
         search = search_history(problem, history)
         place = index - problem.n_initial_waveforms
-        widen = [o for o in search if o.origin == "paper-widen"]
+        widen = [o for o in search if o.origin == PAPER_WIDEN]
         if place < N_WIDEN:
-            return _proposal(problem, Waveform([_kick(problem, _bisect(problem, widen)[0])]), "paper-widen")
+            return _proposal(problem, Waveform([_kick(problem, _bisect(problem, widen)[0])]), PAPER_WIDEN)
         grid = _grid(problem, _bisect(problem, widen)[0])
         if place < N_WIDEN + len(grid):
-            return _proposal(problem, problem.space.waveform(grid[place - N_WIDEN]), "paper-grid")
-        tried = [o for o in search if o.usable and o.origin == "paper-grid"]
+            return _proposal(problem, problem.space.waveform(grid[place - N_WIDEN]), PAPER_GRID)
+        tried = [o for o in search if o.usable and o.origin == PAPER_GRID]
         if not tried:
-            return _proposal(problem, problem.space.waveform(initial_point(problem, place)), "fallback")
+            return _proposal(problem, problem.space.waveform(initial_point(problem, place)), FALLBACK)
         start = problem.space.unit(min(tried, key=lambda o: (o.g_cm_s, o.index)).waveform, clip=True)
         with threadpool_limits(limits=1):
             point = next_point(lambda g: _simplex(g, start), Answers(problem.space, search))
         if point is None or any(problem.space.waveform(point) == w for w in pending):
-            return _proposal(problem, problem.space.waveform(initial_point(problem, place)), "sobol")
-        return _proposal(problem, problem.space.waveform(point), "paper-simplex")
+            return _proposal(problem, problem.space.waveform(initial_point(problem, place)), SOBOL)
+        return _proposal(problem, problem.space.waveform(point), PAPER_SIMPLEX)
 
 
 def _kick(problem: Problem, peak_us: float) -> Pulse:

@@ -1,15 +1,17 @@
 """Owns the protocol between a campaign and whoever proposes its waveforms, and loads engines by name.
 
-`propose` is a pure function of (configuration, index, records 0 … index-lag, waveforms in between): no engine keeps
-state between calls, so nothing is replayed on resume and any process gives the same answer (DESIGN §2).
+A wave is proposed together. Its candidates are a pure function of (configuration, wave, the records of the waves that
+it sees, the waveforms of those between): no engine keeps state between calls but as a cache that may be dropped, so
+any process gives the same answer (DESIGN §2).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from bisect import bisect_left
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,8 @@ class Observation:
 
     index: int
     """Position in the campaign."""
+    wave: int
+    """Wave that it belongs to."""
     waveform: Waveform
     """What was applied."""
     origin: str
@@ -65,13 +69,36 @@ class Proposal:
     waveform: Waveform
     """Admissible by construction: the search space repairs what is not."""
     origin: str
-    """One short word for the store: sobol, trust-region, global, finish, fallback, …"""
+    """One short word for the store; those of the shipped engines are in `origins`."""
     n_switches: int
-    """Switches to evaluate it on."""
+    """Switches to evaluate it on: those of its wave."""
     surrogate: dict[str, float] = field(default_factory=dict)
     """What the surrogate believed (prediction, length scales, noise, trust region); {} for engines without one."""
     note: str = ""
     """Why something unusual was done, e.g. a fallback; empty as a rule."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wave:
+    """Candidates that are proposed, simulated and committed together; `plan` says which there are."""
+
+    index: int
+    """Position among the campaign's waves."""
+    stage: str
+    """search, explore or finish."""
+    start: int
+    """Index of its first candidate in the campaign."""
+    size: int
+    """Number of candidates."""
+    n_switches: int
+    """Switches that its candidates are evaluated on."""
+    sees: int
+    """Its proposals see the records of the waves 0 … sees - 1, and the waveforms of the waves sees … index - 1."""
+
+    @property
+    def stop(self) -> int:
+        """One past the index of its last candidate."""
+        return self.start + self.size
 
 
 @dataclass(frozen=True)
@@ -110,6 +137,11 @@ class Problem:
         """Blocks of the design by stream, number and turn, as far as asked for: a cache of a pure function."""
         return {}
 
+    @cached_property
+    def descents(self) -> dict[Hashable, Any]:
+        """The latest state of every descent: a cache, see `descents.continued`."""
+        return {}
+
     @property
     def n_initial_waveforms(self) -> int:
         """Number of the user's own waveforms at the head of the campaign."""
@@ -123,30 +155,54 @@ class Problem:
 
 @runtime_checkable
 class Engine(Protocol):
-    """Whoever proposes waveforms."""
+    """Whoever proposes waveforms one at a time. Its waves have `campaign.wave` candidates."""
 
     def propose(
         self, problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> Proposal:
-        """The candidate `index`, from the committed candidates `history` and the waveforms in flight `pending`.
+        """The candidate `index`, from the records `history` and the waveforms in flight `pending`.
 
-        Pure: the same arguments give the same bits. history is in order of index and ends at index - lag; pending holds
-        the waveforms of the candidates between.
+        Pure: the same arguments give the same bits. history is in order of index and ends with the last wave that is
+        seen; pending holds the waveforms of the candidates between, those earlier in the same wave included.
         """
         ...
 
 
-def load_engine(name: str) -> Engine:
-    """The engine of that name (an instance); imports only that engine. Raises EngineError naming the nearest one."""
-    loaded = load_object("softclose.propose.finish:FinishEngine") if name == "finish" else ENGINES.load(name)
-    return cast(Engine, loaded() if isinstance(loaded, type) else loaded)
+@runtime_checkable
+class WaveEngine(Protocol):
+    """Whoever proposes waveforms a wave at a time."""
+
+    def wave_sizes(self, problem: Problem, budget: int) -> Sequence[int]:
+        """Sizes of its waves, `budget` candidates in all; from the configuration alone.
+
+        The user's own waveforms take the first places of a search, and the engine is asked for the others.
+        """
+        ...
+
+    def propose_wave(
+        self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
+    ) -> Sequence[Proposal]:
+        """The `wave.size` candidates from `wave.start` on. Pure, as `Engine.propose`."""
+        ...
 
 
-def seen_by(index: int, history: Sequence[Observation], lag: int) -> Sequence[Observation]:
-    """The records that candidate `index` may see: 0 … index - lag, however many more have come in."""
-    return history[: max(index - lag + 1, 0)]
+_STAGES = {"explore": "softclose.propose.explore:ExploreEngine", "finish": "softclose.propose.finish:FinishEngine"}
+
+
+def load_engine(name: str) -> Engine | WaveEngine:
+    """The engine of that name, or of the stages explore and finish (an instance); imports only that engine.
+
+    Raises EngineError naming the nearest one.
+    """
+    loaded = load_object(_STAGES[name]) if name in _STAGES else ENGINES.load(name)
+    return cast("Engine | WaveEngine", loaded() if isinstance(loaded, type) else loaded)
+
+
+def seen_by(wave: Wave, history: Sequence[Observation]) -> Sequence[Observation]:
+    """The records that a wave may see, however many more have come in."""
+    return history[: bisect_left(history, wave.sees, key=lambda o: o.wave)]
 
 
 def search_history(problem: Problem, history: Sequence[Observation]) -> list[Observation]:
-    """The records of the search itself, without those of the finishing stage."""
+    """The records of the search itself, without those of the stages after it."""
     return [o for o in history if o.index < problem.config.campaign.budget]

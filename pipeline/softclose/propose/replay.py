@@ -6,26 +6,19 @@ Nothing of a routine is kept between proposals; running it again over the record
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
-import cma
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.propose.descents import WORST_CM_S
 from softclose.propose.protocol import Observation
 from softclose.waveform import Waveform
 from softclose.waveform.spaces import Space
 
 FloatArray = NDArray[np.float64]
-
-WORST_CM_S = 1e4
-"""What a failed candidate counts as: worse than any objective."""
 
 
 class _Wanted(Exception):
@@ -77,100 +70,3 @@ def next_point(routine: Callable[[Callable[[FloatArray], float]], object], answe
     except _Wanted as wanted:
         return wanted.point
     return None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CmaStart:
-    """Where a CMA-ES run begins."""
-
-    point: tuple[float, ...]
-    """Mean of the first generation, d numbers in the unit cube."""
-    sigma: float
-    """Its standard deviation."""
-    population: int
-    """Points in a generation; 0: the library's choice."""
-
-    @property
-    def array(self) -> FloatArray:
-        """`point` as an array."""
-        return np.array(self.point)
-
-
-class _Descent:
-    """One CMA-ES run, as far as the records carry it. What it was told is kept, to be held against the records."""
-
-    def __init__(self, start: CmaStart, rng: np.random.Generator) -> None:
-        options: dict[str, Any] = {
-            "bounds": [0.0, 1.0],
-            "verbose": -9,
-            "seed": math.nan,  # no seeding of numpy's global generator: ours draws
-            "randn": lambda n, d: rng.standard_normal((n, d)),
-        }
-        if start.population:
-            options["popsize"] = start.population
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self.strategy = cma.CMAEvolutionStrategy(np.clip(start.array, 0.01, 0.99), start.sigma, options)
-        self.told: dict[bytes, float] = {}
-        self.generation: list[FloatArray] = []
-        self.keys: list[bytes] = []
-
-    def agrees(self, answers: Answers) -> bool:
-        """True where the records say what this run was told."""
-        return all(answers.known(key) == g for key, g in self.told.items())
-
-    def advance(self, answers: Answers, space: Space) -> bool:
-        """Go on to the first generation that is not wholly recorded; False where the run has converged."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            while True:
-                if not self.generation:
-                    if self.strategy.stop():
-                        return False
-                    self.generation = [np.asarray(x, dtype=np.float64) for x in self.strategy.ask()]
-                    self.keys = [_key(space.waveform(x)) for x in self.generation]
-                values = [answers.known(key) for key in self.keys]
-                complete = [g for g in values if g is not None]
-                if len(complete) < len(values):
-                    return True
-                self.strategy.tell(self.generation, complete)
-                self.told |= dict(zip(self.keys, complete, strict=True))
-                self.generation = []
-
-
-_descents: OrderedDict[tuple[Any, ...], _Descent] = OrderedDict()
-"""The latest runs, to spare replaying them from their start at every proposal. A cache only: see `cma_points`."""
-
-_MOST_DESCENTS = 16
-
-
-def cma_points(
-    start: CmaStart,
-    answers: Answers,
-    pending: Sequence[Waveform],
-    space: Space,
-    generator: Callable[[], np.random.Generator],
-    identity: tuple[Any, ...] = (),
-) -> tuple[FloatArray | None, FloatArray]:
-    """Replay CMA-ES: the next point of the unfinished generation that is neither recorded nor in flight, and the mean.
-
-    The point is None where the run has converged, or where all of the generation is in flight. generator: makes the
-    run's random numbers, always the same; identity: names them. A run continued from the cache was told exactly what
-    the records say, so it gives the same bits as one replayed from its start.
-    """
-    key = (start, space, identity)
-    descent = _descents.pop(key, None)
-    if descent is None or not descent.agrees(answers):
-        descent = _Descent(start, generator())
-    running = descent.advance(answers, space)
-    if identity:
-        _descents[key] = descent
-        while len(_descents) > _MOST_DESCENTS:
-            _descents.popitem(last=False)
-    mean = np.clip(np.asarray(descent.strategy.mean), 0.0, 1.0)
-    if running:
-        flying = {_key(w) for w in pending}
-        for x, waveform_key in zip(descent.generation, descent.keys, strict=True):
-            if answers.known(waveform_key) is None and waveform_key not in flying:
-                return x, mean
-    return None, mean

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import evaluate as apply
-from softclose.propose.protocol import Engine, Observation, Problem, Proposal, load_engine, seen_by
+from softclose.propose.plan import plan
+from softclose.propose.proposer import Proposer
+from softclose.propose.protocol import Engine, Observation, Problem, Proposal, Wave, WaveEngine
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +36,7 @@ class EngineRun:
     """The best candidate on the largest ensemble: the finishing stage's where there was one."""
 
 
-def evaluate(problem: Problem, switches: FloatArray, index: int, proposal: Proposal) -> Observation:
+def evaluate(problem: Problem, switches: FloatArray, wave: Wave, index: int, proposal: Proposal) -> Observation:
     """Simulate and assess one proposal on the first of the switches (n, 4); without store or cluster."""
     a = apply(
         problem.config,
@@ -44,6 +46,7 @@ def evaluate(problem: Problem, switches: FloatArray, index: int, proposal: Propo
     )
     return Observation(
         index=index,
+        wave=wave.index,
         waveform=proposal.waveform,
         origin=proposal.origin,
         n_switches=proposal.n_switches,
@@ -63,33 +66,31 @@ def with_seed(config: CampaignConfig, seed: int) -> CampaignConfig:
 
 
 def run_engine(
-    config: CampaignConfig, engine: Engine | str, *, evaluator: Callable[..., Observation] = evaluate
+    config: CampaignConfig, engine: Engine | WaveEngine | str, *, evaluator: Callable[..., Observation] = evaluate
 ) -> tuple[list[Observation], FloatArray, FloatArray]:
     """A whole campaign in this process: its observations, (n,) times since the start and (n,) proposal times [s].
 
-    One candidate after the other, yet proposals see no more than they would with `campaign.lag` in flight.
+    One candidate after the other, yet proposals see no more than they would with the plan's waves in flight. The time
+    of a proposal is its share of its wave's.
     """
+    if isinstance(engine, str):
+        config = replace(config, optimiser=replace(config.optimiser, engine=engine))
     problem = Problem(config)
-    search = load_engine(engine) if isinstance(engine, str) else engine
-    finish = load_engine("finish")
+    search = None if isinstance(engine, str) else engine
+    proposer = Proposer(problem, search)
     switches = problem.population.sample(
         config.n_switches_max, seed=config.campaign.seed, sampling=config.population.sampling
     )
-    initial = config.waveform.initial_waveforms()
     history: list[Observation] = []
     wall, spent = [], []
     begin = time.perf_counter()
-    for i in range(config.total_budget):
+    for wave in plan(problem, search):
         asked = time.perf_counter()
-        if i < len(initial):
-            proposal = Proposal(waveform=initial[i], origin="initial", n_switches=config.population.n_switches)
-        else:
-            seen = seen_by(i, history, config.campaign.lag)
-            pending = [o.waveform for o in history[len(seen) :]]
-            proposal = (search if i < config.campaign.budget else finish).propose(problem, i, seen, pending)
-        spent.append(time.perf_counter() - asked)
-        history.append(evaluator(problem, switches, i, proposal))
-        wall.append(time.perf_counter() - begin)
+        proposals = proposer.from_history(wave, history)
+        spent += [(time.perf_counter() - asked) / wave.size] * wave.size
+        for index, proposal in enumerate(proposals, start=wave.start):
+            history.append(evaluator(problem, switches, wave, index, proposal))
+            wall.append(time.perf_counter() - begin)
     return history, np.array(wall), np.array(spent)
 
 

@@ -9,8 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from softclose.propose.protocol import Observation, Problem, Proposal
+from softclose.propose.origins import SOBOL
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave
 from softclose.waveform import Waveform
+
+WAVE = 20
+"""Candidates of a wave."""
 
 
 def sobol_points(dim: int, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -19,22 +23,28 @@ def sobol_points(dim: int, n: int, rng: np.random.Generator) -> NDArray[np.float
     return np.asarray(design[:n], dtype=np.float64)
 
 
+def initial_points(problem: Problem, place: int, n: int, stream: str = "initial") -> NDArray[np.float64]:
+    """(n, d) the points from `place` on of the campaign's initial design, repaired to admissible ones."""
+    design = sobol_points(problem.space.dim, place + n, problem.generator(stream, 0))
+    return problem.space.canonical(design[place:])
+
+
 def initial_point(problem: Problem, place: int, stream: str = "initial") -> NDArray[np.float64]:
-    """(d,) the point at `place` of the campaign's initial design, repaired to an admissible one."""
-    design = sobol_points(problem.space.dim, place + 1, problem.generator(stream, 0))
-    return problem.space.canonical(design[place])
+    """(d,) one of them."""
+    return np.asarray(initial_points(problem, place, 1, stream)[0])
 
 
 class SobolEngine:
-    """Space-filling search without a model."""
+    """Space-filling search without a model. Waves of any size would do."""
 
-    def propose(
-        self, problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]
-    ) -> Proposal:
-        """The next point of the campaign's Sobol sequence."""
-        point = initial_point(problem, index - problem.n_initial_waveforms)
-        return Proposal(
-            waveform=problem.space.waveform(point),
-            origin="sobol",
-            n_switches=problem.config.population.n_switches,
-        )
+    def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
+        """Waves of `WAVE` candidates."""
+        return [min(WAVE, budget - begin) for begin in range(0, budget, WAVE)]
+
+    def propose_wave(
+        self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
+    ) -> list[Proposal]:
+        """The next points of the campaign's Sobol sequence."""
+        points = initial_points(problem, wave.start - problem.n_initial_waveforms, wave.size)
+        waveforms = problem.space.waveforms(points)
+        return [Proposal(waveform=w, origin=SOBOL, n_switches=wave.n_switches) for w in waveforms]

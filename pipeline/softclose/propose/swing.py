@@ -86,7 +86,7 @@ def free_swing(rows: FloatArray, lot: Lot, *, instant_us: FloatArray) -> Swing:
     """rows: (n, n_pulse, 4) start, rise, peak [µs], volts, of which the last pulse is left out; instant_us: (n,) when
     the states are wanted.
 
-    Eq. 1 by RK4 while the finite pulses act (64 steps a period or 8 in the shortest pulse), then in closed form.
+    Eq. 1 by RK4 while the finite pulses act (32 steps a period or 8 in the shortest pulse), then in closed form.
     """
     rows = np.ascontiguousarray(rows, dtype=np.float64)
     reach = np.empty((len(rows), len(lot.devices)))
@@ -106,7 +106,7 @@ def _swing(rows, instant, lot, farthest, reach, state):  # type: ignore[no-untyp
             width = 2.0 * rows[i, j, 1] + rows[i, j, 2]
             end = max(end, rows[i, j, 0] + width)
             shortest = min(shortest, width)
-        n_steps = int(min(max(math.ceil(end / min(shortest_period / 64.0, shortest / 8.0)), 1.0), 4000.0))
+        n_steps = int(min(max(math.ceil(end / min(shortest_period / 32.0, shortest / 8.0)), 1.0), 4000.0))
         h = end / n_steps
         square = np.zeros(2 * n_steps + 1)  # u² at the steps and between them, the same for every switch
         for s in range(2 * n_steps + 1):

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from softclose.propose.origins import LOCAL
 
-LOCAL, GLOBAL, DESIGN, RESTART = "trust-region", "global", "sobol", "restart"
-"""Origins of the four kinds of proposal."""
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

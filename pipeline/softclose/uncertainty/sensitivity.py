@@ -82,7 +82,9 @@ def sensitivity(
         raise SensitivityError(f"n_replicates is {n_replicates}; intervals need at least 2 (8 is usual)")
     from scipy.stats import sobol_indices, uniform
 
-    settings = load_config({}) if config is None else config
+    asked = None if config is None else config.model.plate_area_um2
+    area = population.plate_area(asked)
+    settings = load_config({"model": {"plate_area_um2": area}}) if config is None else config
     touched = closed = total = 0
     spread: list[FloatArray] = []
 

@@ -19,6 +19,25 @@ FAR = 0.02
 """Width of a tail, in units of the axis."""
 
 
+WORDS: dict[str, tuple[str, str]] = {
+    "impulse": ("impulse", "× coasting"),
+    "delay": ("delay", "periods"),
+    "rise": ("rise time", "µs"),
+    "volts": ("voltage", "V"),
+    "peak": ("flat top", "µs"),
+}
+"""Kind of coordinate -> what a person calls it, its unit. A delay runs from the pulse before, centre to centre."""
+
+
+def label_of(name: str, *, unit: bool = True) -> str | None:
+    """`volts2` -> `pulse 2 voltage (V)`; None for what is no coordinate."""
+    kind, pulse = name.rstrip("0123456789"), name.lstrip("abcdefghijklmnopqrstuvwxyz")
+    if kind not in WORDS or not pulse.isdigit():
+        return None
+    words, of = WORDS[kind]
+    return f"pulse {pulse} {words} ({of})" if unit else f"pulse {pulse} {words}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coordinate:
     """One axis of the unit cube."""

@@ -22,9 +22,6 @@ MAX_VOLTS = 150.0
 """Default limit on the sum of all pulses at any instant [V] (SPEC §3)."""
 
 
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-
-
 class WaveformError(ValueError):
     """A pulse or waveform that is malformed or inadmissible."""
 
@@ -69,18 +66,6 @@ class Pulse:
     def end_us(self) -> float:
         """Instant from which the pulse is 0 V for ever [µs]; inf where it holds."""
         return self.start_us + 2.0 * self.rise_us + self.peak_us
-
-    def at(self, t_us: float) -> float:
-        """Eq. 13 times the peak voltage at one instant [V]."""
-        s = t_us - self.start_us
-        fall = s - self.rise_us - self.peak_us
-        if s < 0.0 or fall >= self.rise_us:
-            return 0.0
-        if s < self.rise_us:
-            return self.volts * (0.5 - 0.5 * math.cos(math.pi * s / self.rise_us))
-        if fall < 0.0:
-            return self.volts
-        return self.volts * (0.5 + 0.5 * math.cos(math.pi * fall / self.rise_us))
 
     def voltage(self, t_us: FloatArray) -> FloatArray:
         """Eq. 13 times the peak voltage. t_us: any shape [µs]; returns the same shape [V]."""
@@ -154,35 +139,10 @@ class Waveform:
         return np.array(sorted(knots))
 
     def max_voltage(self, horizon_us: float = 250.0) -> float:
-        """max over [0, horizon] of u(t) [V], to about 1e-9 relative.
+        """max over [0, horizon] of u(t) [V], to about 1e-9 relative (`limit.largest_sum`)."""
+        from softclose.waveform.limit import largest_sum  # imported where it is used: the compiler is slow to import
 
-        Between breakpoints every pulse is monotone, so the sum of their larger ends bounds the sum; where that bound
-        is above what was found, the interval is sampled and its best sample polished by golden sections. In plain
-        floats: a search checks thousands of waveforms, and arrays of three numbers cost fifty times as much.
-        """
-        knots = [*self.breakpoints(horizon_us).tolist(), horizon_us]
-        ends = [[pulse.at(t) for pulse in self.pulses] for t in knots]
-        best = max(sum(values) for values in ends)
-        for a, b, left, right in zip(knots[:-1], knots[1:], ends[:-1], ends[1:], strict=True):
-            bound = sum(map(max, left, right))
-            if bound > best * (1.0 + 1e-12) and b > a:
-                best = max(best, self._largest_inside(a, b))
-        return best
-
-    def _largest_inside(self, a: float, b: float, n: int = 16) -> float:
-        """Largest sum in [a, b], where every pulse is smooth: n samples, then golden sections about the best."""
-
-        def u(t: float) -> float:
-            return sum(pulse.at(t) for pulse in self.pulses)
-
-        step = (b - a) / n
-        values = [u(a + k * step) for k in range(n + 1)]
-        k = values.index(max(values))
-        lo, hi = max(a, a + (k - 1) * step), min(b, a + (k + 1) * step)
-        while hi - lo > 1e-5 * step:  # the maximum is flat: an error of 1e-5 in t is one of 1e-10 in u
-            left, right = hi - _GOLDEN * (hi - lo), lo + _GOLDEN * (hi - lo)
-            lo, hi = (left, hi) if u(left) < u(right) else (lo, right)
-        return max(*values, u(0.5 * (lo + hi)))
+        return float(largest_sum(self.rows(), float(horizon_us)))
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
         """Raise WaveformError where the sum of the pulses exceeds max_volts [V] anywhere in [0, horizon]."""

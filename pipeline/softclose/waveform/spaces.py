@@ -9,14 +9,15 @@ switch and the limits, so another thickness, gap or voltage limit needs no other
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.naming import unknown_name
 from softclose.plate import EPSILON_0, holding_voltage, pull_in_voltage
-from softclose.waveform.coordinates import Coordinate
+from softclose.waveform.coordinates import FAR, Coordinate
 from softclose.waveform.pulses import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -142,9 +143,25 @@ class Space:
         begin, end = np.array([c.core for c in self.coordinates]).T
         return np.asarray(begin + np.asarray(points, dtype=np.float64) * (end - begin))
 
+    def admissible_rows(self, points: ArrayLike) -> FloatArray:
+        """(n, d) unit points, clipped to the cube -> (n, n_pulse, 4) rows whose sum respects the limit.
+
+        Each pulse is delayed until the sum of the pulses so far fits; 0.02 ms a point.
+        """
+        from softclose.waveform.limit import separate  # imported where it is used: the compiler is slow to import
+
+        rows, most = self.rows(points), self.scales.max_volts
+        # Waveform.check allows 1e-9; what was repaired once must not be repaired again after a round trip.
+        separate(rows, most * (1.0 + 8e-10), most * (1.0 + 1e-10))
+        return rows
+
+    def waveforms(self, points: ArrayLike) -> list[Waveform]:
+        """(n, d) unit points, clipped to the cube -> n admissible waveforms."""
+        return [Waveform(Pulse(*row) for row in rows) for rows in self.admissible_rows(points).tolist()]
+
     def waveform(self, point: ArrayLike) -> Waveform:
         """(d,) unit point, clipped to the cube -> an admissible waveform."""
-        return self._repair(self.rows(np.asarray(point, dtype=np.float64)[None, :])[0])
+        return self.waveforms(np.asarray(point, dtype=np.float64)[None, :])[0]
 
     def unit(self, waveform: Waveform, *, clip: bool = False) -> FloatArray:
         """(d,) unit point of a waveform; the inverse of `waveform`.
@@ -167,6 +184,26 @@ class Space:
     def coordinates_of(self, waveform: Waveform) -> FloatArray:
         """(d,) coordinates, outside [0, 1] where the waveform is outside the ranges. Raises SpaceError on another
         form."""
+        self._check_form(waveform)
+        return np.asarray(self.coordinates_of_rows(waveform.rows()[None])[0])
+
+    def coordinates_of_all(self, waveforms: Sequence[Waveform]) -> tuple[FloatArray, NDArray[np.intp]]:
+        """(m, d) coordinates of those waveforms that have the form of this space, as `coordinates_of`, and (m,) their
+        places in the sequence."""
+        places, rows = [], []
+        for place, waveform in enumerate(waveforms):
+            try:
+                self._check_form(waveform)
+            except SpaceError:
+                continue
+            places.append(place)
+            rows.append(waveform.rows())
+        table = np.array(rows, dtype=np.float64).reshape(-1, self.n_pulses, 4)
+        return self.coordinates_of_rows(table), np.array(places, dtype=np.intp)
+
+    def _check_form(self, waveform: Waveform) -> None:
+        """Raise SpaceError where the waveform has another number of pulses, another last pulse or another fixed
+        value."""
         pulses = waveform.pulses
         if len(pulses) != self.n_pulses:
             raise SpaceError(f"the waveform has {len(pulses)} pulses; space {self.name} has {self.n_pulses}")
@@ -181,33 +218,21 @@ class Space:
             got = p.rise_us if name.startswith("rise") else p.volts
             if not math.isclose(got, value, rel_tol=1e-9):
                 raise SpaceError(f"{name} is {got:.6g}; space {self.name} fixes it at {value:.6g}")
-        return np.asarray(self._coordinates(waveform.rows()[None])[0])
 
-    def canonical(self, point: ArrayLike) -> FloatArray:
-        """(d,) the point that stands for the waveform of `point`, after every repair."""
-        return self.unit(self.waveform(point), clip=True)
+    def canonical(self, points: ArrayLike) -> FloatArray:
+        """(d,) or (n, d) the points that stand for the waveforms of `points`, after every repair."""
+        points = np.asarray(points, dtype=np.float64)
+        found = self.coordinates_of_rows(self.admissible_rows(points.reshape(-1, self.dim)))
+        return np.clip(found, 0.0, 1.0).reshape(points.shape)
 
-    def settle(self, points: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Fast, vectorised and approximate `canonical`: (n, d) points and (n,) whether they respect the limit on the
-        sum.
+    def widths(self, point: ArrayLike) -> FloatArray:
+        """(d,) how wide each axis is around a point: its core, or the tail in which the point is."""
+        point = np.asarray(point, dtype=np.float64)
+        begin, end = np.array([c.core for c in self.coordinates]).T
+        return np.where((point < begin) | (point > end), FAR, 1.0)
 
-        A pulse that comes too early is moved to the end of the flat top before it, with all that follow; what still
-        does not fit is flagged. For screening thousands of candidates; what is proposed goes through `waveform`.
-        """
-        rows = self.rows(points)
-        limit = self.scales.max_volts * (1.0 + 1e-6)
-        fits = self._peak(rows) <= limit
-        if not fits.all():
-            moved = rows[~fits]
-            for j in range(1, self.n_pulses):
-                plateau_end = moved[:, j - 1, :3].sum(axis=1)
-                moved[:, j:, 0] += np.maximum(plateau_end - moved[:, j, 0], 0.0)[:, None]
-            rows[~fits] = moved
-            fits[~fits] = self._peak(moved) <= limit
-        return np.clip(self._coordinates(rows), 0.0, 1.0), fits
-
-    def _coordinates(self, rows: FloatArray) -> FloatArray:
-        """(n, n_pulse, 4) rows -> (n, d) coordinates, not clipped."""
+    def coordinates_of_rows(self, rows: FloatArray) -> FloatArray:
+        """(n, n_pulse, 4) rows start, rise, peak [µs], volts -> (n, d) coordinates, not clipped."""
         out = np.empty((len(rows), self.dim))
         centre = [
             rows[:, j, 0] + _to_centre(rows[:, j, 1], rows[:, j, 2], last=j == self.n_pulses - 1)
@@ -224,48 +249,6 @@ class Space:
                 value = {"rise": rise, "peak": peak, "volts": volts}[c.name[:-1]]
             out[:, i] = c.unit(value)
         return out
-
-    @staticmethod
-    def _peak(rows: FloatArray) -> FloatArray:
-        """(n,) largest sum of the pulses at the knots and 15 points of every ramp [V]; at most about 0.5 % low."""
-        start, rise, peak, volts = np.moveaxis(rows, 2, 0)[..., None]
-        ramp = np.linspace(0.0, 1.0, 16)
-        fall_start = start + rise + np.where(np.isinf(peak), 0.0, peak)
-        t = np.concatenate([start + rise * ramp, fall_start + rise * ramp], axis=2).reshape(len(rows), 1, -1)
-        up = np.clip((t - start) / rise, 0.0, 1.0)
-        down = np.clip((t - start - rise - peak) / rise, 0.0, 1.0)
-        shape = 0.5 * (np.cos(np.pi * down) - np.cos(np.pi * up))
-        return np.asarray((volts * shape).sum(axis=1).max(axis=1))
-
-    def _repair(self, rows: FloatArray) -> Waveform:
-        """Delay each pulse until the sum of the pulses so far respects the limit."""
-        # Waveform.check allows 1e-9; what was repaired once must not be repaired again after a round trip.
-        limit, target = self.scales.max_volts * (1.0 + 8e-10), self.scales.max_volts * (1.0 + 1e-10)
-        pulses = [Pulse(*rows[0])]
-        for row, before in zip(rows[1:], rows[:-1], strict=True):
-            gap = row[0] - (before[0] + before[1] + before[2])
-            previous = pulses[-1]
-            earliest = max(previous.start_us, previous.start_us + previous.rise_us + previous.peak_us + gap)
-            pulse = replace(Pulse(*row), start_us=earliest)
-            clear = max(p.end_us for p in pulses)
-
-            def peak(start: float, pulse: Pulse = pulse) -> float:
-                together = Waveform([*pulses, replace(pulse, start_us=start)])
-                return together.max_voltage(self._span(together))
-
-            if earliest < clear and peak(earliest) > limit:
-                low, high = earliest, clear
-                while high - low > 1e-6:
-                    middle = 0.5 * (low + high)
-                    low, high = (low, middle) if peak(middle) <= target else (middle, high)
-                pulse = replace(pulse, start_us=high)
-            pulses.append(pulse)
-        return Waveform(pulses)
-
-    def _span(self, waveform: Waveform) -> float:
-        """An instant after which the waveform no longer changes, at least the horizon [µs]."""
-        last = max(p.start_us + p.rise_us if p.holds else p.end_us for p in waveform.pulses)
-        return max(self.scales.horizon_us, last)
 
 
 def _to_centre(rise: FloatArray, peak: FloatArray, *, last: bool) -> FloatArray:

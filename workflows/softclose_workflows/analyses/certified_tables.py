@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from softclose.metrics.intervals import Interval, Proportion
-from softclose_workflows.tell.tables import describe_waveform, metrics_row, print_designs, with_interval
+from softclose_workflows.analyses.references import missing_lines
+from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.plain import finite, waveform_rows
+from softclose_workflows.tell.tables import print_designs
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from softclose.metrics.paired import Comparison
-    from softclose.waveform import Waveform
-    from softclose_workflows.analyses.certify import Certification, Certified, ProgressListener
+    from softclose_workflows.analyses.certify import Certification, Certified
 
 
 def print_certification(result: Certification) -> None:
@@ -25,7 +22,7 @@ def print_certification(result: Certification) -> None:
     print_designs(
         f"Certified on {result.n_switches:,} fresh switches (seed {result.seed})",
         [
-            (_label(result, d), waveform_rows(d), records.assessment_record(d.assessment))
+            (_label(result, d), waveform_rows(d.waveform.rows()), records.assessment_record(d.assessment))
             for d in (*result.candidates, *result.references)
         ],
         f"{result.best.assessment.confidence:.0%} intervals: order statistics (v_u), Student (mean V), Wilson (p_nc).",
@@ -35,6 +32,8 @@ def print_certification(result: Certification) -> None:
     p = best.assessment.p_nc_intervals
     console.print(f"best: {best.name}")
     console.print(f"  p_nc {_proportion(p)}")
+    if best.assessment.limit is not None:
+        console.print(f"  {best.assessment.limit.sentence}")
     for exceedance in best.assessment.p_exceed:
         console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s) {_proportion(exceedance.probability)}")
     if best.training is not None:
@@ -44,6 +43,8 @@ def print_certification(result: Certification) -> None:
         )
     for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
+    for line in missing_lines(result.missing):
+        console.print(line)
 
 
 def _label(result: Certification, design: Certified) -> str:
@@ -71,16 +72,6 @@ def _proportion(p: Proportion) -> str:
     )
 
 
-def waveform_rows(design: Certified) -> list[list[float | None]]:
-    """[[start, rise, peak (None where it holds), volts], …]."""
-    return waveform_rows_of(design.waveform)
-
-
-def waveform_rows_of(waveform: Waveform) -> list[list[float | None]]:
-    """[[start, rise, peak (None where it holds), volts], …]."""
-    return [[p.start_us, p.rise_us, None if p.holds else p.peak_us, p.volts] for p in waveform.pulses]
-
-
 def certification_to_json(result: Certification) -> dict[str, Any]:
     """One object; undefined numbers are null."""
 
@@ -88,7 +79,7 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
         return {
             "name": d.name,
             "candidate": d.candidate,
-            "waveform": waveform_rows(d),
+            "waveform": waveform_rows(d.waveform.rows()),
             "training": None
             if d.training is None
             else {
@@ -109,54 +100,8 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
             "incumbent": result.incumbent,
             "candidates": [design(d) for d in result.candidates],
             "references": [design(d) for d in result.references],
+            "missing_references": dict(result.missing),
             "best_against": {r.name: result.comparison(r).to_dict() for r in result.references},
         }
     )
     return plain
-
-
-def finite(value: Any) -> Any:
-    """JSON has no NaN and no infinity: they become null, however deep."""
-    if isinstance(value, dict):
-        return {k: finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def wide_console() -> Console:
-    """A console that folds no table in a pipe or a log, which have no width of their own."""
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(width=160, highlight=False)
-
-
-@contextmanager
-def simulation_progress(title: str, *, quiet: bool = False) -> Iterator[ProgressListener | None]:
-    """A bar of simulated switches on a terminal; nothing elsewhere."""
-    import sys
-
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-__all__ = [
-    "certification_to_json",
-    "comparison_line",
-    "describe_waveform",
-    "finite",
-    "metrics_row",
-    "print_certification",
-    "simulation_progress",
-    "waveform_rows",
-    "wide_console",
-    "with_interval",
-]

@@ -7,117 +7,36 @@ draws, so Eq. 11 and its companions hold whatever the campaign's own sampling is
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.evaluate import judge
-from softclose.metrics.objective import Assessment
-from softclose.metrics.paired import Comparison, compare
+from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.population import Population
 from softclose.waveform import FloatArray, Waveform
-from softclose_store import (
-    Campaign,
-    DamageError,
-    GroupArray,
-    StoreMissingError,
-    open_campaign,
-    read_group,
-    write_group,
-)
-from softclose_workflows.run import records
+from softclose_store import Campaign, DamageError, StoreMissingError, group_attributes, open_campaign
+from softclose_workflows.analyses.certificates import STREAM as STREAM
+from softclose_workflows.analyses.certificates import name_of, read_certificate, request_of, write_certificate
+from softclose_workflows.analyses.certificates import read_certification as read_certification
+from softclose_workflows.analyses.certification import Certification as Certification
+from softclose_workflows.analyses.certification import Certified as Certified
+from softclose_workflows.analyses.certification import CertifyError as CertifyError
+from softclose_workflows.analyses.certification import Request, assemble, candidate_name
+from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
+from softclose_workflows.analyses.references import reference_designs
+from softclose_workflows.run import needs
 from softclose_workflows.run.records import StoredResponse
+from softclose_workflows.tell.console import Step
 
-GROUP = "certification"
-"""Result group of the store."""
-
-STREAM = 1
-"""Random stream of certification ensembles; campaigns train on stream 0."""
-
-CHUNK = 10_000
+PART = 10_000
 """Switches simulated between two looks at the progress."""
+
+N_REFERENCES = 2
+"""Reference designs at most."""
 
 DISTINCT_VOLTS = 0.25
 """Waveforms whose voltages differ by less than this (root mean square over the horizon) count as one."""
-
-ProgressListener = Callable[[int, int], None]
-
-
-class CertifyError(ValueError):
-    """A certification that cannot be made."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Training:
-    """What the campaign believed of a candidate."""
-
-    g_cm_s: float
-    """Objective on the training ensemble [cm/s]."""
-    v_u_cm_s: float
-    """Upper velocity there [cm/s]."""
-    p_nc: float
-    """Fraction not closed there."""
-    n_switches: int
-    """Size of that ensemble."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Certified:
-    """One waveform on the fresh switches."""
-
-    name: str
-    """`candidate 17`, `unshaped`, `deterministic`, …"""
-    candidate: int | None
-    """Its index in the campaign; None for a reference design."""
-    waveform: Waveform
-    """What was applied."""
-    response: StoredResponse
-    """V, closed and status of every fresh switch."""
-    assessment: Assessment
-    """Eqs. 7-11 on them."""
-    training: Training | None
-    """What the campaign believed; None for a reference design."""
-
-    @property
-    def flattery_cm_s(self) -> float:
-        """Certified g minus training g [cm/s]: how much the training ensemble flattered it. NaN for a reference."""
-        return math.nan if self.training is None else self.assessment.g_cm_s - self.training.g_cm_s
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Certification:
-    """The certified designs of one campaign."""
-
-    n_switches: int
-    """Fresh switches."""
-    seed: int
-    """Seed of their stream."""
-    committed: int
-    """Candidates that the campaign had committed."""
-    incumbent: int
-    """Candidate that the campaign itself calls best."""
-    candidates: tuple[Certified, ...]
-    """Certified candidates, best first."""
-    references: tuple[Certified, ...]
-    """Reference designs on the same switches."""
-
-    @property
-    def best(self) -> Certified:
-        """The best certified candidate."""
-        return self.candidates[0]
-
-    def comparison(self, reference: Certified) -> Comparison:
-        """The best candidate against another design, switch by switch."""
-        best = self.best
-        return compare(
-            (best.response, best.assessment), (reference.response, reference.assessment), best.assessment.confidence
-        )
 
 
 def certify(
@@ -127,58 +46,115 @@ def certify(
     seed: int | None = None,
     top: int = 10,
     threads: int = 1,
-    listener: ProgressListener | None = None,
+    listener: Step | None = None,
 ) -> Certification:
-    """Certify the `top` best distinct candidates of the campaign at path, and store the result in its group.
+    """Certify the `top` best distinct candidates of the campaign at path, and keep the result in its group.
 
-    seed: of the fresh switches; the campaign's own by default (their stream differs). The same certification of the
-    same candidates is read back rather than computed again; any other replaces it. Raises CertifyError.
+    seed: of the fresh switches; the campaign's own by default (their stream differs). Certifications on other numbers
+    of switches, or of other seeds, stay as they are. What was certified before on these very switches stays certified:
+    only candidates that are new among the best are simulated. Raises CertifyError.
     """
-    if n_switches < 1 or top < 1:
-        raise CertifyError(f"{n_switches} switches and {top} candidates: both must be at least 1 (--switches, --top)")
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
+    check_size(config, n_switches, top)
     seed = config.campaign.seed if seed is None else seed
     incumbent, chosen = _choose(campaign, config, top)
-    try:
-        stored = read_certification(path)
-    except DamageError:
-        stored = None  # a pure function of the store: compute it again
-    if stored is not None and stored.n_switches == n_switches and stored.seed == seed:
-        same = sorted(d.candidate for d in stored.candidates if d.candidate is not None) == sorted(chosen)
-        if same and stored.incumbent == incumbent:
-            return stored
-    waveforms = {f"candidate {i}": Waveform.from_rows(campaign.waveform(i)) for i in chosen}
-    waveforms |= reference_designs(config)
-    responses = simulate_fresh(
-        config, list(waveforms.values()), n_switches=n_switches, seed=seed, threads=threads, listener=listener
+    stored = _stored(path, name_of(n_switches, seed))
+    known = () if stored is None else stored.request.candidates
+    unchanged = stored is not None and (stored.incumbent, stored.committed) == (incumbent, campaign.committed)
+    if stored is not None and unchanged and {*chosen} <= {*known}:
+        return stored
+    needs.check_fresh(n_switches, len({*chosen, *known}) + N_REFERENCES, path=path)
+    references = reference_designs(config)
+    request = Request(
+        n_switches=n_switches,
+        seed=seed,
+        top=top if stored is None else max(top, stored.request.top),
+        committed=campaign.committed,
+        incumbent=incumbent,
+        candidates=tuple(sorted({*chosen, *known})),
+        missing=references.missing,
     )
-    result = _assemble(campaign, config, waveforms, responses, n_switches, seed, incumbent)
-    _write(path, result)
+    have = {} if stored is None else {d.name: d.response for d in (*stored.candidates, *stored.references)}
+    result = _certified(campaign, config, request, have, threads=threads, listener=listener)
+    write_certificate(path, result)
     return result
 
 
-def read_certification(path: str) -> Certification | None:
-    """The certification stored in a campaign; None where there is none."""
-    try:
-        group = read_group(path, GROUP)
-    except StoreMissingError:
-        return None
+def certify_again(path: str, name: str) -> None:
+    """Compute the certification in group `name` again, from the group's own metadata and the campaign, and write it.
+
+    For the repair of a group whose arrays are damaged. Raises CertifyError where the metadata is lost too.
+    """
+    attributes = group_attributes(path, name)
+    if attributes is None:
+        raise CertifyError(
+            f"{name} of {path} does not say any more what was certified: delete that group and run `softclose certify`"
+        )
+    request = request_of(attributes)
+    if name != name_of(request.n_switches, request.seed):
+        raise CertifyError(f"{name} of {path} is a certification of version 0.1: delete it and certify again")
     campaign = open_campaign(path)
+    if campaign.committed < request.committed:
+        raise CertifyError(
+            f"{name} of {path} certified candidates of {request.committed}, but {campaign.committed} are committed: "
+            "finish the campaign (softclose resume), then certify again"
+        )
     config = CampaignConfig.from_dict(campaign.config)
-    a, about = group.arrays, group.attributes
-    waveforms = {
-        str(name): Waveform.from_rows(rows[~np.isnan(rows).all(axis=1)])
-        for name, rows in zip(a["name"], a["waveform"], strict=True)
-    }
-    responses = [
-        StoredResponse(max_contact_speed=v, closed=closed, status=status)
-        for v, closed, status in zip(a["max_contact_speed"], a["closed"], a["status"], strict=True)
-    ]
-    result = _assemble(
-        campaign, config, waveforms, responses, int(about["n_switches"]), int(about["seed"]), int(about["incumbent"])
+    write_certificate(path, _certified(campaign, config, request, {}))
+
+
+def least_switches(config: CampaignConfig) -> int:
+    """Fewest fresh switches that may certify this campaign.
+
+    As many as the largest ensemble that its candidates were chosen on: fewer know less than the campaign did. And as
+    many as bound v_u from above at the campaign's level and confidence (36 at 90 % and 95 %).
+    """
+    o = config.objective
+    return max(config.n_switches_max, least_for_quantile_interval(o.level, o.confidence))
+
+
+def check_size(config: CampaignConfig, n_switches: int, top: int) -> None:
+    """Raise CertifyError where so few switches or candidates certify nothing."""
+    if top < 1:
+        raise CertifyError(f"{top} candidates are to be certified; at least 1 is needed (--top)")
+    least = least_switches(config)
+    if n_switches < least:
+        raise CertifyError(
+            f"{n_switches} fresh switches certify nothing here: at least {least} are needed, as many as the campaign "
+            f"chose its candidates on ({config.n_switches_max}) and as its interval of v_u asks for (--switches)"
+        )
+
+
+def _stored(path: str, name: str) -> Certification | None:
+    try:
+        return read_certificate(path, name)
+    except (StoreMissingError, DamageError):
+        return None  # a damaged one is a pure function of its request: it is computed again
+
+
+def _certified(
+    campaign: Campaign,
+    config: CampaignConfig,
+    request: Request,
+    have: dict[str, StoredResponse],
+    *,
+    threads: int = 1,
+    listener: Step | None = None,
+) -> Certification:
+    """The certification that a request stands for; have: responses of designs that are known already."""
+    waveforms = {candidate_name(i): Waveform.from_rows(campaign.waveform(i)) for i in request.candidates}
+    waveforms |= reference_designs(config).designs
+    new = {name: waveform for name, waveform in waveforms.items() if name not in have}
+    responses = simulate_fresh(
+        config,
+        list(new.values()),
+        n_switches=request.n_switches,
+        seed=request.seed,
+        threads=threads,
+        listener=listener,
     )
-    return replace(result, committed=int(about["committed"]))
+    return assemble(campaign, config, waveforms, have | dict(zip(new, responses, strict=True)), request)
 
 
 def fresh_switches(population: Population, n: int, *, seed: int, start: int = 0) -> FloatArray:
@@ -193,9 +169,9 @@ def simulate_fresh(
     n_switches: int,
     seed: int,
     threads: int = 1,
-    listener: ProgressListener | None = None,
+    listener: Step | None = None,
 ) -> list[StoredResponse]:
-    """Metrics of every waveform on the same fresh switches of the campaign's population, a chunk at a time."""
+    """Metrics of every waveform on the same fresh switches of the campaign's population, a part at a time."""
     from softclose.evaluate import respond
 
     population = config.build_population()
@@ -203,8 +179,8 @@ def simulate_fresh(
     closed = np.empty(v.shape, dtype=np.bool_)
     status = np.empty(v.shape, dtype=np.int8)
     total, done = v.size, 0
-    for start in range(0, n_switches, CHUNK):
-        rows = slice(start, min(start + CHUNK, n_switches))
+    for start in range(0, n_switches, PART):
+        rows = slice(start, min(start + PART, n_switches))
         switches = fresh_switches(population, rows.stop - start, seed=seed, start=start)
         for i, waveform in enumerate(waveforms):
             response = respond(config, switches, waveform, threads=threads)
@@ -214,26 +190,6 @@ def simulate_fresh(
             if listener is not None:
                 listener(done, total)
     return [StoredResponse(max_contact_speed=v[i], closed=closed[i], status=status[i]) for i in range(len(waveforms))]
-
-
-def assess_fresh(response: StoredResponse, config: CampaignConfig) -> Assessment:
-    """The campaign's own objective, on independent random draws."""
-    return judge(config, response, fresh=True)
-
-
-def reference_designs(config: CampaignConfig) -> dict[str, Waveform]:
-    """What every optimum must beat: the unshaped step and, where it exists, the deterministic design."""
-    from softclose.baselines import BaselineError, deterministic_design, unshaped
-
-    designs = {"unshaped": unshaped()}
-    with contextlib.suppress(BaselineError):  # e.g. a limit that cannot hold the mean switch: nothing to compare with
-        designs["deterministic"] = deterministic_design(
-            config.build_population(),
-            max_volts=config.waveform.max_volts,
-            plate_area_um2=config.model.plate_area_um2,
-            horizon_us=config.model.horizon_us,
-        )
-    return designs
 
 
 def _choose(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:
@@ -258,112 +214,3 @@ def _choose(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, 
         if len(chosen) == top:
             break
     return best.candidate, chosen
-
-
-def _assemble(
-    campaign: Campaign,
-    config: CampaignConfig,
-    waveforms: Mapping[str, Waveform],
-    responses: list[StoredResponse],
-    n_switches: int,
-    seed: int,
-    incumbent: int,
-) -> Certification:
-    table = campaign.records()
-    candidates: list[Certified] = []
-    references: list[Certified] = []
-    for (name, waveform), response in zip(waveforms.items(), responses, strict=True):
-        kind, _, number = name.partition(" ")
-        i = int(number) if kind == "candidate" else None
-        training = None
-        if i is not None:
-            training = Training(
-                g_cm_s=float(table["g_cm_s"][i]),
-                v_u_cm_s=float(table["v_u_cm_s"][i]),
-                p_nc=float(table["p_nc"][i]),
-                n_switches=int(table["n_switches"][i]),
-            )
-        certified = Certified(
-            name=name,
-            candidate=i,
-            waveform=waveform,
-            response=response,
-            assessment=assess_fresh(response, config),
-            training=training,
-        )
-        (references if i is None else candidates).append(certified)
-    candidates.sort(key=lambda d: d.assessment.g_cm_s)  # stable: ties stay in the order chosen
-    return Certification(
-        n_switches=n_switches,
-        seed=seed,
-        committed=campaign.committed,
-        incumbent=incumbent,
-        candidates=tuple(candidates),
-        references=tuple(references),
-    )
-
-
-def _write(path: str, result: Certification) -> None:
-    """Store the per-switch results, from which everything else follows, and the figures beside them for any reader."""
-    designs = [*result.candidates, *result.references]
-    n_pulses = max(len(d.waveform.pulses) for d in designs)
-    rows = np.full((len(designs), n_pulses, 4), math.nan)
-    for row, d in zip(rows, designs, strict=True):
-        row[: len(d.waveform.pulses)] = d.waveform.rows()
-
-    def per_switch(values: list[NDArray[Any]], unit: str, meaning: str) -> GroupArray:
-        return GroupArray(dims=("design", "fresh_switch"), values=np.stack(values), unit=unit, long_name=meaning)
-
-    arrays = {
-        "name": GroupArray(dims=("design",), values=np.array([d.name for d in designs]), long_name="design"),
-        "candidate": GroupArray(
-            dims=("design",),
-            values=np.array([-1 if d.candidate is None else d.candidate for d in designs]),
-            long_name="index in the campaign; -1: a reference design",
-        ),
-        "waveform": GroupArray(
-            dims=("design", "pulse", "parameter"),
-            values=rows,
-            unit="µs or V",
-            long_name="start, rise, peak, volts; a peak of inf holds, rows of NaN are absent",
-        ),
-        "max_contact_speed": per_switch(
-            [d.response.max_contact_speed for d in designs], "µm/µs", "V of Eq. 7; NaN: never touched"
-        ),
-        "closed": per_switch([d.response.closed for d in designs], "1", "held in contact at the horizon"),
-        "status": per_switch([d.response.status for d in designs], "1", "outcome of the integration; 0: ok"),
-        "training_g_cm_s": GroupArray(
-            dims=("design",),
-            unit="cm/s",
-            long_name="g on the training ensemble",
-            values=np.array([math.nan if d.training is None else d.training.g_cm_s for d in designs]),
-        ),
-        "training_n_switches": GroupArray(
-            dims=("design",),
-            long_name="size of the training ensemble; 0: a reference design",
-            values=np.array([0 if d.training is None else d.training.n_switches for d in designs]),
-        ),
-    }
-    assessed = [records.assessment_record(d.assessment) for d in designs]
-    for name, first in assessed[0].items():
-        if name not in ("failed", "failure"):
-            dims = ("design", "limit") if isinstance(first, np.ndarray) else ("design",)
-            unit = "cm/s" if name.endswith("_cm_s") else "1"
-            arrays[name] = GroupArray(dims=dims, values=np.array([record[name] for record in assessed]), unit=unit)
-    write_group(
-        path,
-        GROUP,
-        arrays,
-        {
-            "n_switches": result.n_switches,
-            "seed": result.seed,
-            "stream": STREAM,
-            "sampling": "monte-carlo",
-            "committed": result.committed,
-            "incumbent": result.incumbent,
-            "limits_cm_s": [e.limit_cm_s for e in result.best.assessment.p_exceed],
-            "level": result.best.assessment.level,
-            "confidence": result.best.assessment.confidence,
-        },
-        replace=True,
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,23 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
+from softclose.evaluate import judge
+from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Problem
+from softclose.waveform import Waveform
 from softclose_store import Campaign as StoredCampaign
-from softclose_store import DriverStore, Recompute, open_campaign
+from softclose_store import DriverStore, Layout, Recompute, open_campaign
+from softclose_workflows.analyses.certification import CertifyError
+from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
 from softclose_workflows.run.creation import population_columns
-from softclose_workflows.run.tasks import chunk_task, compute_chunk, times_us
+from softclose_workflows.run.tasks import Rows, compute_block, times_us
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
     """What was computed again, and what came out otherwise."""
 
-    chunks: tuple[tuple[int, int], ...]
-    """(candidate, chunk) of each chunk computed again."""
-    proposals: tuple[int, ...]
-    """Candidates whose proposal was asked for again."""
+    blocks: tuple[tuple[str, int, int], ...]
+    """(stage, row, column) of each block computed again."""
+    waves: tuple[int, ...]
+    """Waves that were proposed again."""
     differing: tuple[str, ...]
     """What is not equal bit for bit."""
 
@@ -37,65 +42,93 @@ class Replay:
 
 
 def replay(path: str, k: int, seed: int = 0) -> Replay:
-    """Compute k random chunks and k random proposals of committed candidates again, and compare bits.
+    """Compute k random blocks and propose k random waves again, of those committed, and compare bits.
 
     Bits may differ on another processor or with other library versions: the store's runtime names its own.
     """
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
+    problem = Problem(config)
+    waves = plan(problem)[: campaign.n_waves]
     stored = campaign.records()
     rng = np.random.default_rng(seed)
-    usable = [int(i) for i in np.flatnonzero(~stored["failed"])]
-    every = [(i, chunk) for i in usable for chunk in range(-(-int(stored["n_switches"][i]) // config.chunk_switches))]
-    chunks = [every[int(j)] for j in sorted(rng.permutation(len(every))[:k])]
-    proposals = sorted(int(i) for i in rng.permutation(campaign.committed)[:k])
-    switches = campaign.switches()
-    differing = [
-        problem for i, chunk in chunks for problem in _compare_chunk(campaign, config, stored, switches, i, chunk)
+    every = [
+        (wave.stage, *place)
+        for wave in waves
+        for place in campaign.layout.wave_blocks(wave.start, wave.size, wave.n_switches)
     ]
-    proposer = Proposer(Problem(config))
-    history = records.observations(stored)
-    for i in proposals:
-        again = records.proposal_record(proposer.from_history(i, history))
-        now, then = np.asarray(again["waveform"]), stored["waveform"][i][: len(again["waveform"])]
-        if now.tobytes() != np.ascontiguousarray(then).tobytes():
-            differing.append(f"proposal of candidate {i}: {now.tolist()} instead of {then.tolist()}")
-    return Replay(chunks=tuple(chunks), proposals=tuple(proposals), differing=tuple(differing))
+    blocks = [every[int(j)] for j in sorted(rng.permutation(len(every))[:k])]
+    chosen = sorted(int(w) for w in rng.permutation(len(waves))[:k])
+    switches = campaign.switches()
+    differing = [problem for block in blocks for problem in _compare_block(campaign, config, stored, switches, *block)]
+    proposer, history = Proposer(problem), records.observations(stored)
+    for w in chosen:
+        wave = waves[w]
+        for i, proposal in enumerate(proposer.from_history(wave, history), start=wave.start):
+            now, then = proposal.waveform.rows(), _rows_of(stored["waveform"][i])
+            if now.tobytes() != then.tobytes():
+                differing.append(f"proposal of candidate {i}: {now.tolist()} instead of {then.tolist()}")
+    return Replay(blocks=tuple(blocks), waves=tuple(chosen), differing=tuple(differing))
 
 
-def _compare_chunk(
+def _compare_block(
     campaign: StoredCampaign,
     config: CampaignConfig,
     stored: Mapping[str, NDArray[Any]],
     switches: NDArray[np.float64],
-    i: int,
-    chunk: int,
+    stage: str,
+    row: int,
+    column: int,
 ) -> list[str]:
-    proposal = {name: stored[name][i] for name in ("waveform", "n_switches")}
-    arrays = _chunk_arrays(config, campaign.path, switches, i, chunk, proposal)
-    rows = slice(chunk * config.chunk_switches, chunk * config.chunk_switches + len(arrays["closed"]))
-    with campaign.dataset() as dataset:
+    arrays = _block_arrays(config, campaign.layout, switches, stored, stage, row, column)
+    own = campaign.layout.stage(stage)
+    n_switches = arrays["response"].shape[1]
+    candidates, begin = own.candidates(row), own.switches(column).start
+    with campaign.dataset(stage) as dataset:
         return [
-            f"candidate {i}, chunk {chunk}: {name}"
+            f"stage {stage}, block {row}, {column}: {name}"
             for name, now in arrays.items()
-            if np.ascontiguousarray(dataset[name][i, rows].to_numpy()).tobytes()
+            if np.ascontiguousarray(dataset[name][candidates, begin : begin + n_switches].to_numpy()).tobytes()
             != np.ascontiguousarray(now, dtype=dataset[name].dtype).tobytes()
         ]
 
 
-def _chunk_arrays(
-    config: CampaignConfig, path: str, switches: NDArray[np.float64], i: int, chunk: int, proposal: Mapping[str, Any]
+def _block_arrays(
+    config: CampaignConfig,
+    layout: Layout,
+    switches: NDArray[np.float64],
+    stored: Mapping[str, NDArray[Any]],
+    stage: str,
+    row: int,
+    column: int,
 ) -> dict[str, NDArray[Any]]:
-    from softclose.waveform import Waveform
+    """One block from the recorded waveforms of its candidates."""
+    own, first = layout.stage(stage), layout.first(stage)
+    candidates, rows = own.candidates(row), own.switches(column)
+    indices = range(first + candidates.start, first + candidates.stop)
+    waveforms: tuple[Rows, ...] = tuple(
+        tuple((p.start_us, p.rise_us, p.peak_us, p.volts) for p in Waveform.from_rows(stored["waveform"][i]).pulses)
+        for i in indices
+    )
+    stop = min(rows.stop, int(stored["n_switches"][indices[0]]))
+    return compute_block(config, switches[rows.start : stop], waveforms)[0]
 
-    waveform = Waveform.from_rows(proposal["waveform"])
-    task = chunk_task(config, path, i, chunk, waveform, int(proposal["n_switches"]), digest=0)
-    return compute_chunk(task, switches)
+
+def _rows_of(waveform: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.ascontiguousarray(waveform[~np.isnan(waveform).all(axis=1)])
 
 
 def recompute() -> Recompute:
     """How to compute again whatever a store holds."""
-    return Recompute(population=_population, times_us=_times, proposal=_proposal, chunk=_chunk, record=_record)
+    return Recompute(
+        population=_population,
+        times_us=_times,
+        waves=_waves,
+        proposals=_proposals,
+        block=_block,
+        record=_record,
+        group=_group,
+    )
 
 
 def _population(config: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
@@ -103,24 +136,46 @@ def _population(config: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
 
 
 def _times(config: Mapping[str, Any]) -> NDArray[np.float64]:
-    c = CampaignConfig.from_dict(config)
-    return times_us(c.model.horizon_us, c.store.n_times)
+    return times_us(CampaignConfig.from_dict(config))
 
 
-def _proposal(store: DriverStore, i: int) -> dict[str, Any]:
+def _waves(config: Mapping[str, Any]) -> list[int]:
+    return [wave.size for wave in plan(Problem(CampaignConfig.from_dict(config)))]
+
+
+def _proposals(store: DriverStore, start: int, size: int) -> Sequence[Mapping[str, Any]]:
+    """The wave that begins at `start`."""
+    problem = Problem(CampaignConfig.from_dict(store.config))
+    wave = next(w for w in plan(problem) if w.start == start)
+    history = records.observations({name: values[:start] for name, values in store.records().items()})
+    return [records.proposal_record(p) for p in Proposer(problem).from_history(wave, history)]
+
+
+def _block(store: DriverStore, stage: str, row: int, column: int) -> dict[str, NDArray[Any]]:
     config = CampaignConfig.from_dict(store.config)
-    history = records.observations({name: values[:i] for name, values in store.records().items()})
-    return records.proposal_record(Proposer(Problem(config)).from_history(i, history))
-
-
-def _chunk(store: DriverStore, i: int, chunk: int) -> dict[str, NDArray[Any]]:
-    proposal = store.proposal(i)
-    if proposal is None:
-        raise LookupError(f"candidate {i} has no intact proposal")
-    config = CampaignConfig.from_dict(store.config)
-    return _chunk_arrays(config, store.path, store.population, i, chunk, proposal)
+    return _block_arrays(config, store.layout, store.population, store.records(), stage, row, column)
 
 
 def _record(store: DriverStore, i: int) -> dict[str, Any]:
+    """The result of one candidate, from the blocks that hold it."""
     config = CampaignConfig.from_dict(store.config)
-    return records.assessment_record(records.assess_stored(store.read_switch_metrics(i), config))
+    stage, local = store.layout.stage_of(i)
+    n_switches = int(store.records()["n_switches"][i])
+    row = local // stage.block_candidates
+    parts = [store.read_assessed(stage.name, row, column, n_switches) for column in range(stage.blocks_of(n_switches))]
+    at = local - stage.candidates(row).start
+    response = records.StoredResponse(
+        max_contact_speed=np.concatenate([part["max_contact_speed"][at] for part in parts]),
+        closed=np.concatenate([part["closed"][at] for part in parts]).astype(np.bool_),
+        status=np.concatenate([part["status"][at] for part in parts]),
+    )
+    return records.assessment_record(judge(config, response))
+
+
+def _group(path: str, name: str) -> bool:
+    """A certification again; what it was asked for stands in its own metadata."""
+    try:
+        certify_again(path, name)
+    except CertifyError:
+        return False
+    return True

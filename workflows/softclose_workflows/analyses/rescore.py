@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig, load_config
+from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment
 from softclose_store import open_campaign
@@ -113,7 +113,16 @@ def _counted(response: Events, score: Score) -> FloatArray:
 
 def rescored_config(config: CampaignConfig, score: Score) -> CampaignConfig:
     """The campaign's configuration with the score's objective; raises ConfigError for a bad one."""
-    return load_config(config.to_dict(), [f"objective.{setting}" for setting in score.objective])
+    return config.revised(f"objective.{setting}" for setting in score.objective)
+
+
+def _check_instants(score: Score, horizon_us: float) -> None:
+    for option, value in (("--closed-by", score.closed_by_us), ("--impacts-until", score.impacts_until_us)):
+        if value is not None and not 0.0 < value <= horizon_us:
+            raise RescoreError(
+                f"{option} is {value:g} µs; the campaign simulated from 0 to {horizon_us:g} µs (model.horizon_us): "
+                "give an instant in between"
+            )
 
 
 def rescore(path: str, score: Score) -> list[Rescored]:
@@ -123,6 +132,7 @@ def rescore(path: str, score: Score) -> list[Rescored]:
     """
     campaign = open_campaign(path)
     config = rescored_config(CampaignConfig.from_dict(campaign.config), score)
+    _check_instants(score, config.model.horizon_us)
     table = campaign.records()
     usable = [int(i) for i in np.flatnonzero(~table["failed"] & np.isfinite(table["g_cm_s"]))]
     assessments = {}

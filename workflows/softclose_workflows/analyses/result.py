@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from softclose.config import CampaignConfig
-from softclose.evaluate import evaluate
+from softclose.evaluate import judge
 from softclose_store import open_campaign
-from softclose_workflows.analyses.certify import reference_designs
+from softclose_workflows.analyses.references import missing_lines, simulate_references
 from softclose_workflows.run.records import assessment_record
-from softclose_workflows.tell.standing import waveform_to_json
+from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.tables import print_designs
 
 
@@ -27,15 +27,19 @@ def print_result(path: str) -> None:
         if config.population.sampling == "monte-carlo"
         else "quasi-random sample: the bracketed intervals do not hold"
     )
+    references = simulate_references(config, switches)
     print_designs(
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
         [
             *(
-                (name, waveform_to_json(design.rows()), assessment_record(evaluate(config, switches, design)))
-                for name, design in reference_designs(config).items()
+                (name, waveform_rows(design.rows()), assessment_record(judge(config, response)))
+                for name, (design, response) in references.responses.items()
             ),
-            (f"best (candidate {best.candidate})", waveform_to_json(best.waveform), record),
+            (f"best (candidate {best.candidate})", waveform_rows(best.waveform), record),
         ],
         f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",
     )
+    limit = judge(config, campaign.responses(best.candidate)).limit
+    for line in [*([limit.sentence] if limit is not None else []), *missing_lines(references.missing)]:
+        print(line)
     print(f"store: {path}")

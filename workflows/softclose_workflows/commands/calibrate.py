@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
@@ -44,11 +43,16 @@ def calibrate(
     """Fit a population to device measurements (gap, travel, thickness, pull-in voltage)."""
     from softclose.population.calibrate import calibrate as fit
     from softclose.population.calibrate import write_calibration
-    from softclose.population.measurements import MeasurementError, read_measurements
-    from softclose_workflows.analyses.certified_tables import finite, wide_console
+    from softclose.population.measurements import read_measurements
+    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.outputs import check_file, whole_file
+    from softclose_workflows.tell.plain import json_text
 
-    if Path(output).suffix != ".toml":
-        raise MeasurementError(f"--output is {output!r}; a population is a TOML file: give a name ending in .toml")
+    check_file(output, "-o", [".toml"])
+    if figure:
+        from softclose_workflows.figures.saving import check_figure
+
+        check_figure(figure)
     calibration = fit(
         read_measurements(measurements),
         name=name or Path(output).stem,
@@ -58,16 +62,17 @@ def calibrate(
         confidence=confidence,
         seed=seed,
     )
-    try:
-        write_calibration(calibration, output)
-    except OSError as e:
-        raise MeasurementError(f"the population cannot be written to {output}: {e}") from e
+    with whole_file(output) as partial:
+        write_calibration(calibration, partial)
     if figure:
-        from softclose_workflows.figures.calibration import draw
+        from softclose_workflows.figures.calibration import draw_calibration
+        from softclose_workflows.figures.saving import save
+        from softclose_workflows.figures.style import style
 
-        draw(calibration, figure)
+        with style():
+            save(draw_calibration(calibration), figure)
     if as_json:
-        click.echo(json.dumps(finite(calibration.to_dict()), indent=2, allow_nan=False))
+        click.echo(json_text(calibration.to_dict()))
         return
     from rich.table import Table
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 from softclose_workflows.commands.options import quiet_option
@@ -14,7 +12,13 @@ from softclose_workflows.commands.options import quiet_option
     "  softclose certify runs/a.zarr --switches 1000000 --top 3 --json | jq '.candidates[0].g_cm_s'"
 )
 @click.argument("store", metavar="STORE")
-@click.option("--switches", type=int, default=100_000, show_default=True, help="Fresh switches.")
+@click.option(
+    "--switches",
+    type=int,
+    default=100_000,
+    show_default=True,
+    help="Fresh switches; at least as many as STORE was trained on.",
+)
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the fresh switches [the campaign's].")
 @click.option("--top", type=int, default=10, show_default=True, help="Best distinct candidates to certify.")
 @click.option("--threads", type=click.IntRange(min=1), help="Threads to simulate with [one per core].")
@@ -26,21 +30,21 @@ def certify(
     """Rank the best candidates in STORE by what they do on fresh switches, and keep the result in STORE.
 
     The fresh switches are independent of those that the campaign was trained on, so the result is not flattered.
+    Certifications on different numbers of switches are kept side by side; the one on the most switches counts for
+    `export`, `report` and `compare`.
     """
     import os
 
-    from softclose_workflows.analyses.certified_tables import (
-        certification_to_json,
-        print_certification,
-        simulation_progress,
-    )
+    from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification
     from softclose_workflows.analyses.certify import certify as run
+    from softclose_workflows.tell.console import bar
+    from softclose_workflows.tell.plain import json_text
 
-    with simulation_progress("certifying", quiet=quiet) as listener:
+    with bar("certifying", quiet=quiet) as listener:
         result = run(
             store, n_switches=switches, seed=seed, top=top, threads=threads or os.cpu_count() or 1, listener=listener
         )
     if as_json:
-        click.echo(json.dumps(certification_to_json(result), indent=2, allow_nan=False))
+        click.echo(json_text(certification_to_json(result)))
     else:
         print_certification(result)

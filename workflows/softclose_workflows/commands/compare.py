@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 from softclose_workflows.commands.options import quiet_option
@@ -29,24 +27,30 @@ def compare(stores: tuple[str, ...], output: str | None, as_json: bool, quiet: b
     A certified campaign is judged on its fresh switches, any other on the switches that it was trained on.
     """
     from softclose_workflows.report.comparison import comparison_to_json, read_entries
-    from softclose_workflows.report.working import working
+    from softclose_workflows.tell.console import working
+    from softclose_workflows.tell.outputs import check_file, say_written, write_text
 
+    page = output is not None and output.lower().endswith((".html", ".htm"))
+    if output is not None:
+        check_file(output, "-o", [".html", ".htm", ".png", ".svg", ".pdf"])
     with working("reading the stores", quiet=quiet):
         entries = read_entries(stores)
     if output is not None:
-        from softclose_workflows.report.files import say_written, write_text
-
         with working("drawing", quiet=quiet):
-            if output.lower().endswith((".html", ".htm")):
+            if page:
                 from softclose_workflows.report.compare_page import render_comparison
 
                 write_text(output, render_comparison(entries))
             else:
-                from softclose_workflows.figures.comparing import write_comparison
+                from softclose_workflows.figures.comparing import draw_comparison
+                from softclose_workflows.figures.saving import save
+                from softclose_workflows.figures.style import style
+                from softclose_workflows.tell.plain import json_text
 
-                write_comparison(entries, output)
+                with style():
+                    save(draw_comparison(entries), output, "-o")
     if as_json:
-        click.echo(json.dumps(comparison_to_json(entries), indent=2, allow_nan=False))
+        click.echo(json_text(comparison_to_json(entries)))
         return
     from softclose_workflows.report.compare_table import print_comparison
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 
@@ -31,8 +29,8 @@ def compare_engines(
     """Run several engines on one problem from several seeds, in this process, without stores."""
     from softclose.config import ConfigError, load_config
     from softclose.plugins import ENGINES
-    from softclose_workflows.analyses.certified_tables import finite
-    from softclose_workflows.analyses.engines import compare, draw, print_comparison, to_json
+    from softclose_workflows.analyses.engines import compare, print_comparison, to_json
+    from softclose_workflows.tell.plain import json_text
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
     for name in names:
@@ -41,10 +39,19 @@ def compare_engines(
         numbers = [int(seed) for seed in seeds.split(",")]
     except ValueError as e:
         raise ConfigError(f"--seeds {seeds!r} is not of the form 1,2,3") from e
+    if figure:
+        from softclose_workflows.figures.saving import check_figure
+
+        check_figure(figure)
     results = compare(load_config(source, overrides), names, numbers, switches, quiet=as_json)
     if figure:
-        draw(results, figure)
+        from softclose_workflows.figures.engines import draw_engines
+        from softclose_workflows.figures.saving import save
+        from softclose_workflows.figures.style import style
+
+        with style():
+            save(draw_engines(results), figure)
     if as_json:
-        click.echo(json.dumps(finite(to_json(results)), indent=2, allow_nan=False))
+        click.echo(json_text(to_json(results)))
     else:
         print_comparison(results)

@@ -7,13 +7,15 @@ import sys
 
 import click
 
+from softclose import ALGORITHM
 from softclose.config import CampaignConfig
 from softclose_store import DriverStore, open_campaign, store_state
-from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
+from softclose_workflows.run.needs import check_run
 from softclose_workflows.run.progress import show_progress
-from softclose_workflows.run.runtime import changes_since, runtime
+from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import stop_on_signals
 
 
@@ -34,18 +36,21 @@ def drive(
     with stop_on_signals() as stop, contextlib.ExitStack() as stack:
         state = store_state(path)
         is_new = state.kind in ("absent", "unfinished")
+        whole = config if config is not None else CampaignConfig.from_dict(open_campaign(path).config)
+        check_run(whole, placement, path, committed=state.n_committed)
         if config is not None and not is_new:
             create_store(config, path)  # refuses whatever is not this very campaign
         if not state.finished:
+            if config is None:
+                CampaignConfig.from_dict(open_campaign(path).config).check_plugins()
             executor = stack.enter_context(open_executor(placement))
             if config is not None and is_new:
                 create_store(config, path)
-            store = stack.enter_context(DriverStore(path, break_lock=break_lock))
-            for change in changes_since(open_campaign(path).runtime):
-                click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)
+            store = stack.enter_context(DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock))
+            say_changes(open_campaign(path).runtime)
             store.note_run(runtime() | {"workers": executor.n_workers})
             if executor.dashboard and not quiet:
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
             listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
-            Campaign(store, executor, stop=stop, listener=listener).run()
+            Driver(store, executor, stop=stop, listener=listener).run()
     print_result(path)

@@ -12,6 +12,19 @@ if TYPE_CHECKING:
     from softclose.waveform import Waveform
     from softclose_store import Campaign
 
+WRITTEN_FOR_GENERATORS = ("keysight-arb", "tektronix-tfw", "siglent-csv")
+"""Formats that are files of particular generators."""
+
+OPTIONS = {
+    "csv": {"rate_MSps", "duration_us"},
+    "pwl": {"tolerance_mV", "source", "nodes"},
+    "dac": {"rate_MSps", "duration_us", "bits", "full_scale_V", "signed", "header"},
+    "keysight-arb": {"rate_MSps", "duration_us", "gain"},
+    "tektronix-tfw": {"rate_MSps", "duration_us", "gain"},
+    "siglent-csv": {"duration_us", "gain"},
+}
+"""Format of a waveform -> the options that mean something for it; any other one that is given is refused."""
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -38,6 +51,7 @@ def output_option(command: Command) -> Command:
     "  softclose export runs/a.zarr waveform --rate 50 -o drive.csv\n"
     "  softclose export runs/a.zarr waveform --format pwl --tolerance 0.5 -o drive.cir\n"
     "  softclose export runs/a.zarr waveform --format dac --bits 14 --full-scale 200 -o drive.txt\n"
+    "  softclose export runs/a.zarr waveform --format keysight-arb --gain 20 -o drive.arb\n"
     "  softclose export runs/a.zarr ensemble --format netcdf --trajectories -o best.nc\n"
     "  softclose export runs/a.zarr history > history.csv"
 )
@@ -60,16 +74,22 @@ def export(ctx: click.Context, store: str) -> None:
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["csv", "pwl", "dac"]),
+    type=click.Choice(sorted(OPTIONS)),
     default="csv",
     show_default=True,
-    help="csv: volts at a sample rate; pwl: a SPICE source; dac: integer codes for a waveform generator.",
+    help="csv: volts at a sample rate; pwl: a SPICE source; dac: integer codes; the others: files of such generators.",
 )
 @candidate_option
 @click.option(
-    "--rate", "rate_MSps", type=float, default=10.0, show_default=True, metavar="MS/s", help="csv, dac: samples per µs."
+    "--rate",
+    "rate_MSps",
+    type=float,
+    default=10.0,
+    show_default=True,
+    metavar="MS/s",
+    help="Samples per µs; siglent-csv has 16384 samples in any case.",
 )
-@click.option("--duration", "duration_us", type=float, metavar="µs", help="csv, dac: length [the campaign's horizon].")
+@click.option("--duration", "duration_us", type=float, metavar="µs", help="Length [the campaign's horizon].")
 @click.option(
     "--tolerance",
     "tolerance_mV",
@@ -87,7 +107,13 @@ def export(ctx: click.Context, store: str) -> None:
     "full_scale_V",
     type=float,
     metavar="V",
-    help="dac: voltage at the switch of the largest code, amplifier included [the campaign's max_volts].",
+    help="dac: voltage at the switch of the largest code, amplifier included; required.",
+)
+@click.option(
+    "--gain",
+    type=float,
+    metavar="V/V",
+    help="Files of generators: volts at the switch per volt of the generator; required.",
 )
 @click.option(
     "--signed/--unsigned", default=True, show_default=True, help="dac: two's complement, or 0 V as lowest code."
@@ -99,12 +125,15 @@ def export(ctx: click.Context, store: str) -> None:
     help="dac: lines beginning with # before the codes; FILE.json says the same in any case.",
 )
 @output_option
-@click.pass_obj
-def waveform(store: str, /, form: str, candidate: int | None, output: Path | None, **settings: Any) -> None:
+@click.pass_context
+def waveform(ctx: click.Context, /, form: str, candidate: int | None, output: Path | None, **settings: Any) -> None:
     """The drive waveform of one candidate."""
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
 
+    _check(output)
+    _refuse_options_of_other_formats(ctx, form)
+    store = ctx.obj
     campaign = open_campaign(store)
     i = _candidate(campaign, candidate)
     drive = Waveform.from_rows(campaign.waveform(i))
@@ -119,6 +148,9 @@ def waveform(store: str, /, form: str, candidate: int | None, output: Path | Non
         return
     from softclose_workflows.exports.samples import sample_times_us, volts_csv
 
+    if form in WRITTEN_FOR_GENERATORS:
+        _emit_instrument(campaign, i, drive, form, settings, output)
+        return
     duration = settings["duration_us"] or campaign.config["model"]["horizon_us"]
     if settings["duration_us"] == 0.0:
         duration = 0.0  # refused below, with the value that was given
@@ -132,17 +164,21 @@ def waveform(store: str, /, form: str, candidate: int | None, output: Path | Non
 def _emit_codes(
     campaign: Campaign, i: int, drive: Waveform, times: Any, settings: dict[str, Any], output: Path | None
 ) -> None:
-    import json
-
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.samples import Scale, codes_text, metadata
+    from softclose_workflows.tell.plain import json_text
 
     full_scale = settings["full_scale_V"]
+    if full_scale is None:
+        raise ExportError(
+            "codes mean nothing without the voltage at the switch that the largest one stands for, amplifier included: "
+            f"give --full-scale (the campaign's limit is {campaign.config['waveform']['max_volts']:g} V)"
+        )
     scale = Scale(
         bits=settings["bits"],
         signed=settings["signed"],
         rate_MSps=settings["rate_MSps"],
-        full_scale_V=campaign.config["waveform"]["max_volts"] if full_scale is None else full_scale,
+        full_scale_V=full_scale,
     )
     if output is None and not settings["header"]:
         raise ExportError(
@@ -155,8 +191,49 @@ def _emit_codes(
     text = codes_text(codes, comments if settings["header"] else [])
     if output is not None:  # the description first: codes never lie about without their scale
         about |= {"candidate": i, "fingerprint": campaign.fingerprint}
-        _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
+        _emit(json_text(about) + "\n", output.with_name(output.name + ".json"))
     _emit(text, output)
+
+
+def _emit_instrument(
+    campaign: Campaign, i: int, drive: Waveform, form: str, settings: dict[str, Any], output: Path | None
+) -> None:
+    import json
+
+    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.exports.instruments import SIGLENT_POINTS, WRITERS, play, write_bytes
+
+    if output is None:
+        raise ExportError(f"{form} is a file for an instrument; say where to write it (-o)")
+    horizon = float(campaign.config["model"]["horizon_us"])
+    duration = horizon if settings["duration_us"] is None else settings["duration_us"]
+    rate = settings["rate_MSps"]
+    if form == "siglent-csv" and duration > 0.0:
+        rate = (SIGLENT_POINTS - 1) / duration
+    played = play(drive, rate_MSps=rate, duration_us=duration, gain=settings["gain"])
+    content = WRITERS[form](played)
+    about = {"format": form, **played.settings(), "candidate": i, "fingerprint": campaign.fingerprint}
+    _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
+    write_bytes(output, content)
+    click.echo(f"wrote {output}", err=True)
+    click.echo(
+        f"at the generator: low level {played.low_V:g} V, high level {played.high_V:.6g} V, "
+        f"one period of {played.volts.size / played.rate_MSps:.6g} µs ({about['frequency_Hz']:.6g} Hz)",
+        err=True,
+    )
+
+
+def _refuse_options_of_other_formats(ctx: click.Context, form: str) -> None:
+    from click.core import ParameterSource
+
+    from softclose_workflows.exports.files import ExportError
+
+    of_formats = set().union(*OPTIONS.values())
+    for option in ctx.command.params:
+        name = str(option.name)
+        if name in of_formats - OPTIONS[form] and ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            meant = ", ".join(sorted(f for f, names in OPTIONS.items() if name in names))
+            raise ExportError(f"{option.opts[0]} has no meaning for --format {form}; it belongs to {meant}")
 
 
 @export.command(
@@ -173,6 +250,7 @@ def ensemble(store: str, /, form: str, candidate: int | None, trajectories: bool
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import ensemble_dataset
 
+    _check(output)
     campaign = open_campaign(store)
     _emit_table(ensemble_dataset(campaign, _candidate(campaign, candidate), trajectories=trajectories), form, output)
 
@@ -189,6 +267,7 @@ def history(store: str, /, form: str, output: Path | None) -> None:
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import history_dataset
 
+    _check(output)
     _emit_table(history_dataset(open_campaign(store)), form, output)
 
 
@@ -209,18 +288,26 @@ def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
     ]
 
 
+def _check(output: Path | None) -> None:
+    """Refuse a place that cannot be written before anything is read."""
+    from softclose_workflows.tell.outputs import check_file
+
+    if output is not None and str(output) != "-":
+        check_file(output)
+
+
 def _emit(text: str, output: Path | None) -> None:
     if output is None or str(output) == "-":
         click.echo(text, nl=False)
         return
-    from softclose_workflows.exports.files import write_text
+    from softclose_workflows.tell.outputs import write_text
 
     write_text(output, text)
     click.echo(f"wrote {output}", err=True)
 
 
 def _emit_table(dataset: Any, form: str, output: Path | None) -> None:
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.tables import write_dataset
 
     if output is None or str(output) == "-":

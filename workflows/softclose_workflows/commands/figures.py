@@ -33,16 +33,18 @@ NAMES = (
 @quiet_option
 def figures(store: str, output: str | None, formats: tuple[str, ...], only: tuple[str, ...], quiet: bool) -> None:
     """Write the figures of the campaign in STORE for publication, as PNG (300 dpi), SVG and PDF."""
-    from softclose_workflows.figures.writing import FORMATS, write_figures
-    from softclose_workflows.report.files import default_name, say_written
+    from softclose_workflows.figures.saving import FORMATS
+    from softclose_workflows.figures.writing import write_figures
     from softclose_workflows.report.gather import gather
-    from softclose_workflows.report.working import working
+    from softclose_workflows.tell.console import working
+    from softclose_workflows.tell.outputs import check_folder, default_name, say_written
 
     learned = not only or any(name.startswith("dependence") for name in only)
+    folder = check_folder(output or default_name(store, "-figures"), "-o")
     with working("reading the store", quiet=quiet):
         data = gather(store, learned=learned, picks=False)
     with working("drawing", quiet=quiet):
-        paths = list(write_figures(data, output or default_name(store, "-figures"), formats or FORMATS, only))
+        paths = list(write_figures(data, str(folder), formats or FORMATS, only))
     if not paths:
         click.echo("softclose: no candidate has a usable result yet, so there is nothing to draw", err=True)
     elif not quiet:

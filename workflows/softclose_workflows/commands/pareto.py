@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 
@@ -19,9 +17,9 @@ def pareto(store: str, as_json: bool) -> None:
 
     from softclose.metrics.pareto import pareto_front
     from softclose_store import open_campaign
-    from softclose_workflows.analyses.certified_tables import finite, wide_console
     from softclose_workflows.analyses.certify import CertifyError
-    from softclose_workflows.tell.standing import waveform_to_json
+    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.plain import json_text, waveform_rows
     from softclose_workflows.tell.tables import describe_waveform, metrics_row
 
     campaign = open_campaign(store)
@@ -34,7 +32,7 @@ def pareto(store: str, as_json: bool) -> None:
     v_u = np.where(usable, table["v_u_cm_s"], np.nan)
     front = [int(i) for i in pareto_front(v_u, table["p_nc"])]
     records = [{name: column[i] for name, column in table.items()} for i in front]
-    waveforms = [waveform_to_json(campaign.waveform(i)) for i in front]
+    waveforms = [waveform_rows(campaign.waveform(i)) for i in front]
     if as_json:
         rows = [
             {
@@ -47,7 +45,7 @@ def pareto(store: str, as_json: bool) -> None:
             }
             for i, r, w in zip(front, records, waveforms, strict=True)
         ]
-        click.echo(json.dumps(finite({"store": store, "n_switches": n, "front": rows}), indent=2, allow_nan=False))
+        click.echo(json_text({"store": store, "n_switches": n, "front": rows}))
         return
     from rich.table import Table
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
@@ -16,17 +14,18 @@ PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
 
 @click.command(epilog="\b\nExamples:\n  softclose populations\n  softclose populations mine.toml current --json")
 @click.argument("names", nargs=-1, metavar="[NAME|TOML]...")
-@click.option("--plate-area", type=float, default=16_700.0, show_default=True, help="Plate area [µm²], for pull-in.")
+@click.option("--plate-area", type=float, help="Plate area [µm²], for pull-in [that of the fit, else 16700].")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
-def populations(names: tuple[str, ...], plate_area: float, as_json: bool) -> None:
+def populations(names: tuple[str, ...], plate_area: float | None, as_json: bool) -> None:
     """Ranges, means and pull-in voltages of populations, beside what the published study prints of them."""
     from softclose.population import load_population, population_names
-    from softclose_workflows.analyses.certified_tables import finite, wide_console
+    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.plain import json_text
 
     loaded = {name: load_population(name) for name in names or population_names()}
     summaries = {name: p.summary(plate_area) for name, p in loaded.items()}
     if as_json:
-        click.echo(json.dumps(finite(summaries), indent=2, allow_nan=False))
+        click.echo(json_text(summaries))
         return
     from rich.table import Table
 

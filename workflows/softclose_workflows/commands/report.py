@@ -16,12 +16,13 @@ def report(store: str, output: str | None, quiet: bool) -> None:
 
     The page needs no network: its figures, data and scripts are inside. It can be mailed, archived and printed.
     """
-    from softclose_workflows.report.files import default_name, say_written, write_text
     from softclose_workflows.report.gather import gather
     from softclose_workflows.report.page import render_report
-    from softclose_workflows.report.working import working
+    from softclose_workflows.tell.console import working
+    from softclose_workflows.tell.outputs import check_file, default_name, say_written, write_text
 
     path = output or default_name(store, ".html")
+    check_file(path)
     with working("reading the store", quiet=quiet):
         data = gather(store)
     with working("drawing", quiet=quiet):

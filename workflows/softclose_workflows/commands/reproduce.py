@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -39,9 +39,11 @@ def reproduce(
     """
     import os
 
+    from softclose_workflows.figures.reproduction import draw_all
     from softclose_workflows.studies.reproduce import QUICK, QUICK_SWITCHES, print_reproduction, to_json
     from softclose_workflows.studies.reproduce import reproduce as run
     from softclose_workflows.studies.series import Effort
+    from softclose_workflows.tell.plain import json_text
 
     started = time.monotonic()
     effort = Effort(
@@ -52,8 +54,9 @@ def reproduce(
         quiet=quiet or as_json,
     )
     rows = run(out, effort, (*(QUICK if quick else ()), *overrides))
+    draw_all(Path(out) / "figures", rows)
     if as_json:
-        click.echo(json.dumps(to_json(rows), indent=2, allow_nan=False))
+        click.echo(json_text(to_json(rows)))
         return
     print_reproduction(rows)
     click.echo(f"{out}: table.txt, table.json, figures, stores; {time.monotonic() - started:.0f} s in this run")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 
@@ -35,7 +33,13 @@ import click
     metavar="T_US",
     help="Only impacts until this instant count for V [µs].",
 )
-@click.option("--rows", type=int, default=10, show_default=True, help="Candidates in the table (--json has all).")
+@click.option(
+    "--rows",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="Candidates in the table (--json has all).",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def rescore(
     store: str,
@@ -55,10 +59,11 @@ def rescore(
 
     What is not given stays as the campaign has it.
     """
-    from softclose_workflows.analyses.certified_tables import finite, wide_console
     from softclose_workflows.analyses.rescore import Score
     from softclose_workflows.analyses.rescore import rescore as run
     from softclose_workflows.run.records import assessment_record
+    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.plain import json_text
     from softclose_workflows.tell.tables import metrics_row
 
     given = {
@@ -90,7 +95,7 @@ def rescore(
             }
             for r in ranking
         ]
-        click.echo(json.dumps(finite({"store": store, "candidates": candidates}), indent=2, allow_nan=False))
+        click.echo(json_text({"store": store, "candidates": candidates}))
         return
     from rich.table import Table
 
@@ -105,4 +110,8 @@ def rescore(
             str(r.n_switches),
             *metrics_row(assessment_record(r.assessment)),
         )
-    wide_console().print(table)
+    console = wide_console()
+    console.print(table)
+    limit = ranking[0].assessment.limit if ranking else None
+    if limit is not None:
+        console.print(f"candidate {ranking[0].candidate}: {limit.sentence}")

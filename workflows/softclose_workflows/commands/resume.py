@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @quiet_option
 @click.pass_context
 def resume(ctx: click.Context, store: str, placement: Placement, break_lock: bool, quiet: bool) -> None:
-    """Continue the campaign in STORE from its last committed candidate and its finished chunks."""
+    """Continue the campaign in STORE from its last committed wave and its finished blocks."""
     from softclose_workflows.commands.driving import drive
 
     ctx.meta["softclose.store"] = store

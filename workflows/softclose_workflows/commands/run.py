@@ -37,8 +37,11 @@ def run(
     If STORE already holds this very campaign it is continued; another campaign is refused.
     """
     from softclose.config import load_config
+    from softclose_workflows.analyses.forewarned import forewarnings
     from softclose_workflows.commands.driving import drive
 
     config = load_config(source, overrides)
+    for line in forewarnings(config):
+        click.echo(f"note: {line}", err=True)
     ctx.meta["softclose.store"] = store
     drive(store, placement, config=config, break_lock=break_lock, quiet=quiet)

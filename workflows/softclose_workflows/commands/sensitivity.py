@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 
@@ -19,9 +17,15 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
     from dataclasses import asdict
 
     from softclose.uncertainty.sensitivity import sensitivity as analyse
-    from softclose_workflows.analyses.certified_tables import finite, wide_console
     from softclose_workflows.analyses.chosen import choose
+    from softclose_workflows.run.needs import check, of_ensemble
+    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.plain import json_text
 
+    # One replicate is simulated at once: n points, and n for each of the four variables exchanged, twice over.
+    check(
+        of_ensemble(6 * max(points, 0)), f"{points:,} points of 4 variables", "lower --points; --replicates helps too"
+    )
     chosen = choose(store, candidate)
     found = analyse(
         chosen.config.build_population(),
@@ -34,7 +38,7 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
     )
     if as_json:
         whole = {"store": store, "candidate": chosen.candidate, "why": chosen.why, **asdict(found)}
-        click.echo(json.dumps(finite(whole), indent=2, allow_nan=False))
+        click.echo(json_text(whole))
         return
     from rich.table import Table
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 
@@ -33,11 +31,12 @@ def status(store: str, as_json: bool, watch: bool, interval: float) -> None:
 
         show(store, interval, Console())
         return
+    from softclose_workflows.tell.plain import json_text
     from softclose_workflows.tell.standing import read_standing
 
     standing = read_standing(store)
     if as_json:
-        click.echo(json.dumps(standing.to_json(), indent=2))
+        click.echo(json_text(standing.to_json()))
         return
     from softclose_workflows.tell.tables import print_standing
 

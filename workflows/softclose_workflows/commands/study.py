@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 
 import click
@@ -45,6 +44,7 @@ def study(
     from softclose_workflows.studies.series import Effort
     from softclose_workflows.studies.study import print_study, run_study
     from softclose_workflows.studies.study_file import load_study
+    from softclose_workflows.tell.plain import json_text
 
     effort = Effort(
         n_switches=switches,
@@ -55,6 +55,6 @@ def study(
     )
     result = run_study(load_study(source, overrides), out, effort)
     if as_json:
-        click.echo(json.dumps(result.to_json(), indent=2, allow_nan=False))
+        click.echo(json_text(result.to_json()))
     else:
         print_study(result)

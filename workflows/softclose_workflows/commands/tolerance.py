@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import TYPE_CHECKING
 
@@ -48,11 +47,14 @@ def tolerance(
     Without any error given, a usual set of them.
     """
     from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, drive_tolerance
-    from softclose_workflows.analyses.certified_tables import finite, waveform_rows_of, wide_console
     from softclose_workflows.analyses.certify import fresh_switches
     from softclose_workflows.analyses.chosen import choose
+    from softclose_workflows.run.needs import check_fresh
+    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.plain import json_text, waveform_rows
     from softclose_workflows.tell.tables import with_interval
 
+    check_fresh(switches, 1)
     chosen = choose(store, candidate)
     asked = [
         *(DriveError(gain=x) for x in gain),
@@ -87,10 +89,10 @@ def tolerance(
             "candidate": chosen.candidate,
             "why": chosen.why,
             "n_switches": switches,
-            "waveform": waveform_rows_of(chosen.waveform),
+            "waveform": waveform_rows(chosen.waveform.rows()),
             "rows": said,
         }
-        click.echo(json.dumps(finite(whole), indent=2, allow_nan=False))
+        click.echo(json_text(whole))
         return
     from rich.table import Table
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 from softclose_workflows.commands.options import break_lock_option
@@ -19,7 +17,7 @@ from softclose_workflows.commands.options import break_lock_option
     "n_replay",
     type=click.IntRange(min=1),
     metavar="K",
-    help="Compute K random chunks and proposals again and compare bits.",
+    help="Compute K random blocks and propose K random waves again and compare bits.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Which K.")
 @click.option("--repair", is_flag=True, help="Compute again what is damaged or missing, and prove it equal.")
@@ -33,6 +31,7 @@ def verify(
     from softclose_store import repair as repair_store
     from softclose_store import verify as verify_store
     from softclose_workflows.analyses.recompute import recompute, replay
+    from softclose_workflows.tell.plain import json_text
 
     told: dict[str, object] = {"store": store}
     lines = []
@@ -47,27 +46,27 @@ def verify(
     ok = report.ok
     told |= {
         "candidates": report.n_committed,
-        "chunks": report.n_chunks,
+        "blocks": report.n_blocks,
         "damage": [str(p) for p in report.problems],
         "left_behind": list(report.orphans),
     }
     lines += [f"damage: {problem}" for problem in report.problems]
-    lines.append(f"{report.n_committed} candidates and {report.n_chunks} chunks read: {_verdict(len(report.problems))}")
+    lines.append(f"{report.n_committed} candidates and {report.n_blocks} blocks read: {_verdict(len(report.problems))}")
     if report.orphans:
         lines.append(f"{len(report.orphans)} temporary files left behind by a kill: harmless, --repair removes them")
     if n_replay is not None and ok:
         again = replay(store, n_replay, seed)
         ok = again.ok
         told |= {
-            "replayed_chunks": [list(c) for c in again.chunks],
-            "replayed_proposals": list(again.proposals),
+            "replayed_blocks": [list(b) for b in again.blocks],
+            "replayed_waves": list(again.waves),
             "differing": list(again.differing),
         }
         lines += [f"differs: {what}" for what in again.differing]
         same = "every bit the same" if again.ok else f"{len(again.differing)} differ"
-        lines.append(f"{len(again.chunks)} chunks and {len(again.proposals)} proposals computed again: {same}")
+        lines.append(f"{len(again.blocks)} blocks and {len(again.waves)} waves computed again: {same}")
     told["ok"] = ok
-    click.echo(json.dumps(told, indent=2) if as_json else "\n".join(lines))
+    click.echo(json_text(told) if as_json else "\n".join(lines))
     if not ok:
         ctx.exit(1)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softclose.waveform import FloatArray, Waveform
-from softclose_workflows.exports.files import ExportError
+from softclose_workflows.errors import ExportError
 
 STEP_EDGE_US = 1e-4
 """Time that an ideal step takes in a piecewise-linear source [µs]: 0.1 ns."""

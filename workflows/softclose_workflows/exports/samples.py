@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.waveform import FloatArray, Waveform
-from softclose_workflows.exports.files import ExportError
+from softclose_workflows.errors import ExportError
 
 MAX_SAMPLES = 10_000_000
 """Most samples of one export."""

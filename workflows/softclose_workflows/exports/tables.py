@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softclose_store import Campaign
-from softclose_store.layout import CANDIDATE_ARRAYS, POPULATION, SWITCH_ARRAYS
-from softclose_workflows.exports.files import ExportError, whole_file
+from softclose_store.schema.fields import IMPACT_QUANTITIES, POPULATION, QUANTITIES, RECORDED
+from softclose_workflows.errors import ExportError
+from softclose_workflows.tell.outputs import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,7 +28,7 @@ def history_dataset(campaign: Campaign) -> xr.Dataset:
 
     table = campaign.history()
     assert isinstance(table, pd.DataFrame)  # xarray brings pandas
-    units = {s.name: (s.unit, s.long_name) for s in CANDIDATE_ARRAYS}
+    units = {f.name: (f.unit, f.long_name) for f in RECORDED}
     variables = {}
     for name in table.columns:
         values = table[name].to_numpy()
@@ -51,27 +52,24 @@ def ensemble_dataset(campaign: Campaign, candidate: int, *, trajectories: bool =
 
     responses = campaign.responses(candidate)
     n = responses.closed.size
-    stored = {s.name: s for s in SWITCH_ARRAYS}
     fields = {"first_contact": "first_contact_us", "settling": "settling_us"}
     variables: dict[str, Any] = {
         name: ("switch", values[:n], {"units": POPULATION[name][1], "long_name": POPULATION[name][0]})
         for name, values in campaign.population().items()
     }
-    for name, spec in stored.items():
-        if spec.dims == ("candidate", "switch"):
-            values = np.asarray(getattr(responses, fields.get(name, name)))
-            variables[name] = ("switch", values, {"units": spec.unit, "long_name": spec.long_name})
+    for quantity in QUANTITIES:
+        values = np.asarray(getattr(responses, fields.get(quantity.name, quantity.name)))
+        variables[quantity.name] = ("switch", values, {"units": quantity.unit, "long_name": quantity.long_name})
     coords: dict[str, Any] = {"switch": np.arange(n)}
     if trajectories:
         path = campaign.trajectories(candidate)
         coords["time"] = ("time", path.times_us, {"units": "µs"})
-        for name, rows in (("x", path.x), ("v", path.v)):
-            spec = stored[name]
-            variables[name] = (("switch", "time"), rows[...], {"units": spec.unit, "long_name": spec.long_name})
+        for name, rows, unit, meaning in (("x", path.x, "µm", "travel x(t)"), ("v", path.v, "µm/µs", "velocity v(t)")):
+            variables[name] = (("switch", "time"), rows[...], {"units": unit, "long_name": meaning})
         if responses.impact_time_us is not None and responses.impact_speed is not None:
-            for name, rows in (("impact_time", responses.impact_time_us), ("impact_speed", responses.impact_speed)):
-                spec = stored[name]
-                variables[name] = (("switch", "impact"), rows[...], {"units": spec.unit, "long_name": spec.long_name})
+            for field, rows in zip(IMPACT_QUANTITIES, (responses.impact_time_us, responses.impact_speed), strict=True):
+                about = {"units": field.unit, "long_name": field.long_name}
+                variables[f"impact_{field.name}"] = (("switch", "impact"), rows[...], about)
     attributes = _provenance(campaign) | {
         "candidate": candidate,
         "waveform": json.dumps([[_plain(v) for v in row] for row in campaign.waveform(candidate)]),

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from pathlib import PurePath
 
-import matplotlib
 from matplotlib.figure import Figure
 
 from softclose_workflows.figures.drawing import LINES, overlay
-from softclose_workflows.figures.style import COLOURS, PAGE_IN, RC
-from softclose_workflows.figures.writing import METADATA
+from softclose_workflows.figures.style import COLOURS, PAGE_IN
 from softclose_workflows.report.compare_page import judged, top_speed
 from softclose_workflows.report.comparison import Entry
-from softclose_workflows.report.files import OutputError, write_bytes
 from softclose_workflows.report.packed import waveform_points
 
 
@@ -33,14 +28,3 @@ def draw_comparison(entries: Sequence[Entry]) -> Figure:
     # A name is a stranger's text: matplotlib would read what is between dollar signs as mathematics.
     figure.legend(handles, [n.replace("$", r"\$") for n in names], loc="outside upper center", ncols=2)
     return figure
-
-
-def write_comparison(entries: Sequence[Entry], path: str) -> None:
-    """Write the figure in the format that the name ends with."""
-    kind = PurePath(path).suffix.removeprefix(".").lower()
-    if kind not in METADATA:
-        raise OutputError(f"{path} ends in {kind or 'nothing'}; a comparison is written as .html, .png, .svg or .pdf")
-    with matplotlib.rc_context(RC):
-        buffer = io.BytesIO()
-        draw_comparison(entries).savefig(buffer, format=kind, metadata=METADATA[kind])
-    write_bytes(path, buffer.getvalue())

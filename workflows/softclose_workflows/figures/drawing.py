@@ -12,17 +12,26 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from softclose.propose.dependence import Dependence
+from softclose.propose.origins import group_of
 from softclose_workflows.figures.style import COLOURS, COLUMN_IN, PAGE_IN
 from softclose_workflows.report import shapes
-from softclose_workflows.report.charts import GROUP_COLOURS, population_density
-from softclose_workflows.report.data import ROLES, Design, ReportData
+from softclose_workflows.report.charts import population_density
+from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.packed import SLOWEST_IMPACT_CM_S, waveform_points
 from softclose_workflows.tell import labels
 
 Draw = Callable[[ReportData], "Figure | None"]
 
 LINES = ("-", "--", ":", "-.", (0, (8, 3)))
-MARKERS = {"circle-open": "o", "circle": "o", "diamond": "D", "star": "*", "square-open": "s"}
+MARKERS = {
+    "circle-open": "o",
+    "circle": "o",
+    "diamond": "D",
+    "star": "*",
+    "square-open": "s",
+    "triangle-up": "^",
+    "x": "x",
+}
 
 
 def response(data: ReportData) -> Figure | None:
@@ -93,7 +102,7 @@ def densities(data: ReportData) -> Figure | None:
         return None
     figure = Figure(figsize=(COLUMN_IN, 2.8))
     axes = figure.subplots()
-    overlay(axes, [(d, ROLES[d.name]) for d in data.judged_designs], _top(data))
+    overlay(axes, [(d, d.role) for d in data.judged_designs], _top(data))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
@@ -173,12 +182,12 @@ def convergence(data: ReportData) -> Figure | None:
     axes = figure.subplots()
     axes.step(c.index, c.best_cm_s, where="post", color=COLOURS["ink"], linewidth=1.2, label="best so far")
     over = c.g_cm_s > c.ceiling_cm_s
-    groups = np.array([shapes.origin_group(data.candidates.origin[int(i)]) for i in c.index], dtype=object)
-    for name, _, symbol in shapes.ORIGINS:
+    groups = np.array([group_of(data.candidates.origin[int(i)]) for i in c.index], dtype=object)
+    for name, (symbol, role) in labels.ORIGIN_GROUPS.items():
         which = (groups == name) & ~over
         if not which.any():
             continue
-        colour = COLOURS[GROUP_COLOURS.get(name, "open")]
+        colour = COLOURS[role]
         spread = np.stack([c.g_cm_s - c.lower_cm_s, c.upper_cm_s - c.g_cm_s])[:, which]
         axes.errorbar(
             c.index[which],

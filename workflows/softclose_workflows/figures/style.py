@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from typing import Any
 
 from softclose_workflows.tell.labels import PALETTE
@@ -48,3 +49,10 @@ RC: dict[Any, Any] = {
     "svg.fonttype": "path",  # looks the same where the font is missing
     "svg.hashsalt": "softclose",  # the same store gives the same bytes
 }
+
+
+def style() -> AbstractContextManager[None]:
+    """For the length of a `with` block every figure that is made looks like this."""
+    import matplotlib  # here: it is slow to import
+
+    return matplotlib.rc_context(RC)

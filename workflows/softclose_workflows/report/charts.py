@@ -13,15 +13,13 @@ from typing import Any
 import numpy as np
 
 from softclose.propose.dependence import Dependence
+from softclose.propose.origins import group_of
 from softclose.waveform import FloatArray
 from softclose_workflows.report import shapes
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.tell import labels
 
 Chart = dict[str, Any]
-
-GROUP_COLOURS = {"start": "unshaped", "around the best": "best", "everywhere": "extra", "finish": "deterministic"}
-"""Colour of each group of candidates in the convergence; its marker differs too."""
 
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 """A second channel beside colour, for grey prints and colour-blind readers."""
@@ -315,7 +313,7 @@ def convergence(data: ReportData) -> Chart:
     """g of every candidate with its interval, and the best so far; a click shows the candidate."""
     c = shapes.convergence(data)
     over = c.g_cm_s > c.ceiling_cm_s
-    groups = np.array([shapes.origin_group(data.candidates.origin[int(i)]) for i in c.index], dtype=object)
+    groups = np.array([group_of(data.candidates.origin[int(i)]) for i in c.index], dtype=object)
     traces: list[Chart] = [
         {
             "name": "best so far",
@@ -326,11 +324,11 @@ def convergence(data: ReportData) -> Chart:
             "hovertemplate": "best so far %{y:.2f} cm/s<extra></extra>",
         }
     ]
-    for name, _, symbol in shapes.ORIGINS:
+    for name, (symbol, role) in labels.ORIGIN_GROUPS.items():
         which = (groups == name) & ~over
         if not which.any():
             continue
-        colour, top = f"@{GROUP_COLOURS.get(name, 'open')}", np.minimum(c.upper_cm_s, c.ceiling_cm_s)
+        colour, top = f"@{role}", np.minimum(c.upper_cm_s, c.ceiling_cm_s)
         traces.append(
             {
                 "name": name,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.gather import gather
+from softclose_workflows.tell.plain import waveform_rows
 
 
 class CompareError(ValueError):
@@ -72,7 +72,7 @@ def _shown(value: Any) -> str:
 
 
 def comparison_to_json(entries: Sequence[Entry]) -> dict[str, Any]:
-    """For scripts: null where a figure is undefined."""
+    """For scripts."""
     return {
         "campaigns": [_entry_to_json(entry) for entry in entries],
         "differing_settings": {
@@ -88,17 +88,17 @@ def _entry_to_json(entry: Entry) -> dict[str, Any]:
         a = entry.design.assessment
         found = {
             "candidate": data.best,
-            "g_cm_s": _number(a.g_cm_s),
-            "g_interval_cm_s": _pair(a.g_interval),
-            "v_u_cm_s": _number(a.v_u_cm_s),
-            "v_u_interval_cm_s": _pair(a.v_u_interval),
-            "mean_cm_s": _number(a.mean_cm_s),
-            "p_nc": _number(a.p_nc),
-            "p_nc_wilson": _pair(a.p_nc_intervals.wilson),
+            "g_cm_s": float(a.g_cm_s),
+            "g_interval_cm_s": list(a.g_interval),
+            "v_u_cm_s": float(a.v_u_cm_s),
+            "v_u_interval_cm_s": list(a.v_u_interval),
+            "mean_cm_s": float(a.mean_cm_s),
+            "p_nc": float(a.p_nc),
+            "p_nc_wilson": list(a.p_nc_intervals.wilson),
             "n_switches": a.n,
             "certified": data.certification is not None,
             "intervals_valid": a.intervals_valid,
-            "waveform": [[None if math.isinf(v) else v for v in row] for row in entry.design.waveform.rows().tolist()],
+            "waveform": waveform_rows(entry.design.waveform.rows()),
         }
     return {
         "label": entry.label,
@@ -112,11 +112,3 @@ def _entry_to_json(entry: Entry) -> dict[str, Any]:
         "budget": data.n_total,
         "best": found,
     }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _pair(ends: tuple[float, float]) -> list[float | None]:
-    return [_number(ends[0]), _number(ends[1])]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,12 +14,15 @@ from softclose.metrics.objective import CM_S, Assessment
 from softclose.propose.dependence import Dependence
 from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.analyses.certify import Certification
+from softclose_workflows.analyses.references import UNSHAPED
 
-DESIGN_NAMES = {"unshaped": "unshaped 100 V step", "deterministic": "deterministic design"}
-"""What charts call the reference designs."""
+BEST = "best candidate"
+"""What charts call the best candidate."""
 
-ROLES = {"best candidate": "best", "deterministic design": "deterministic", "unshaped 100 V step": "unshaped"}
-"""Role of each design in the palette."""
+
+def reference_name(name: str, waveform: Waveform) -> str:
+    """What charts call a reference design: `unshaped 100 V step`."""
+    return f"unshaped {waveform.pulses[0].volts:g} V step" if name == UNSHAPED else f"{name} design"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,6 +49,8 @@ class Design:
 
     name: str
     """What charts call it."""
+    role: str
+    """Its role in the palette: best, unshaped or deterministic."""
     waveform: Waveform
     speed_cm_s: FloatArray
     """(n,) V of every switch [cm/s]; NaN where it never touched."""
@@ -97,6 +103,8 @@ class ReportData:
     """Histogram of V of each candidate that a reader may pick, in per cent of its ensemble, by index."""
     samples: dict[int, Traces]
     """A few switches of each candidate that a reader may pick, by index."""
+    missing_references: dict[str, str]
+    """Reference designs that there is nothing to show of on the training switches, and why."""
     dependence: Dependence | None
     certification: Certification | None
     """What fresh switches say, if the store has a certification."""
@@ -122,6 +130,11 @@ class ReportData:
         return self.designs[0] if self.best is not None else None
 
     @property
+    def judged_missing(self) -> Mapping[str, str]:
+        """Reference designs that are missing where designs are judged, and why."""
+        return self.missing_references if self.certification is None else self.certification.missing
+
+    @property
     def judged_designs(self) -> tuple[Design, ...]:
         """The same designs where they are best judged: on fresh switches where there are any."""
         c = self.certification
@@ -130,7 +143,8 @@ class ReportData:
         best = c.best if self.best is None else next((d for d in c.candidates if d.candidate == self.best), c.best)
         return tuple(
             Design(
-                name=DESIGN_NAMES.get(d.name, "best candidate"),
+                name=BEST if d is best else reference_name(d.name, d.waveform),
+                role="best" if d is best else d.name,
                 waveform=d.waveform,
                 closed=d.response.closed,
                 speed_cm_s=d.response.max_contact_speed * CM_S,

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.evaluate import judge, respond
+from softclose.evaluate import judge
 from softclose.metrics.objective import CM_S
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
 from softclose.waveform import FloatArray, Waveform
-from softclose_workflows.analyses.certify import read_certification, reference_designs
-from softclose_workflows.report.data import DESIGN_NAMES, Candidates, Design, ReportData, Traces
+from softclose_store.schema.fields import SURROGATE_PREFIX
+from softclose_workflows.analyses.certify import read_certification
+from softclose_workflows.analyses.references import simulate_references
+from softclose_workflows.report.data import BEST, Candidates, Design, ReportData, Traces, reference_name
 from softclose_workflows.report.shapes import shares, speed_edges
 from softclose_workflows.run.records import observations
 
@@ -54,6 +56,7 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         index = certification.best.candidate
     chosen = _picks(candidates, index) if picks else [] if index is None else [index]
     edges = speed_edges(float(np.fmax.reduce(candidates.columns["max_cm_s"][chosen], initial=0.0)))
+    designs, missing = _designs(campaign, config, index)
     shares, samples = _read_picks(campaign, config, chosen, edges)
     return ReportData(
         source=PurePosixPath(str(path).rstrip("/")).name,
@@ -64,7 +67,8 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         candidates=candidates,
         best=index,
         parameters={name: np.asarray(values) for name, values in campaign.population().items()},
-        designs=_designs(campaign, config, index),
+        designs=designs,
+        missing_references=missing,
         edges_cm_s=edges,
         shares=shares,
         samples=samples if picks else {},
@@ -78,19 +82,18 @@ def _candidates(records: Mapping[str, NDArray[Any]], config: CampaignConfig) -> 
     columns = {
         name: np.asarray(values, dtype=np.float64)
         for name, values in records.items()
-        if values.ndim == 1 and values.dtype.kind == "f"
+        if values.ndim == 1 and values.dtype.kind == "f" and not name.startswith(SURROGATE_PREFIX)
     }
     for k, limit in enumerate(config.objective.limits_cm_s):
         for name, end in (("p_exceed", ""), ("p_exceed_wilson", "_lower"), ("p_exceed_wilson", "_upper")):
             columns[f"{name}_{limit:g}{end}"] = np.asarray(records[name + end][:, k], dtype=np.float64)
     if config.population.sampling != "monte-carlo":  # recorded for any sampling, but none holds for quasi-random draws
         columns = {n: np.full_like(v, math.nan) if n.endswith(ENDS) else v for n, v in columns.items()}
-    names = records["surrogate_name"]
-    surrogate = {}
-    for name in sorted({str(v) for v in names.ravel()} - {""}):
-        at = names == name
-        values = np.where(at, records["surrogate"], 0.0).sum(axis=1)
-        surrogate[name] = np.where(at.any(axis=1), values, math.nan)
+    surrogate = {
+        name.removeprefix(SURROGATE_PREFIX): np.asarray(values, dtype=np.float64)
+        for name, values in sorted(records.items())
+        if name.startswith(SURROGATE_PREFIX)
+    }
     notes = [str(note) or str(failure) for note, failure in zip(records["note"], records["failure"], strict=True)]
     return Candidates(
         waveforms=tuple(_waveform(records["waveform"][i]) for i in range(n)),
@@ -153,16 +156,16 @@ def _read_picks(
     return shares_of, samples
 
 
-def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tuple[Design, ...]:
-    """The best candidate, and the two reference designs on the same switches."""
-
+def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tuple[tuple[Design, ...], dict[str, str]]:
+    """The best candidate and the reference designs on the same switches; which of these are missing, and why."""
     if best is None:
-        return ()
+        return (), {}
     responses = campaign.responses(best)
     n = len(responses.max_contact_speed)
     designs = [
         Design(
-            name="best candidate",
+            name=BEST,
+            role="best",
             waveform=Waveform.from_rows(campaign.waveform(best)),
             speed_cm_s=responses.max_contact_speed * CM_S,
             closed=responses.closed,
@@ -173,18 +176,19 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
         )
     ]
     switches = campaign.switches()[:n]
-    for name, waveform in reversed(reference_designs(config).items()):
-        r = respond(config, switches, waveform)
+    references = simulate_references(config, switches)
+    for name, (waveform, r) in reversed(references.responses.items()):
         designs.append(
             Design(
-                name=DESIGN_NAMES[name],
+                name=reference_name(name, waveform),
+                role=name,
                 waveform=waveform,
                 speed_cm_s=r.max_contact_speed * CM_S,
                 closed=r.closed,
                 assessment=judge(config, r),
             )
         )
-    return tuple(designs)
+    return tuple(designs), references.missing
 
 
 def _dependence(config: CampaignConfig, history: list[Observation]) -> Dependence | None:

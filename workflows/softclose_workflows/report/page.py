@@ -16,7 +16,7 @@ from typing import Any
 
 from softclose import __version__
 from softclose_workflows.report import charts, packed, shapes
-from softclose_workflows.report.data import ROLES, Design, ReportData
+from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.summary import candidate_rows, headline, metrics, provenance
 from softclose_workflows.tell import labels
 
@@ -112,7 +112,7 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         figures["response"] = charts.response(data)
         figures["histogram"] = charts.histogram(data)
         judged = data.judged_designs
-        figures["densities"] = charts.densities(judged, [ROLES[d.name] for d in judged], _top_speed(judged))
+        figures["densities"] = charts.densities(judged, [d.role for d in judged], _top_speed(judged))
         for name in "DGET":
             figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
     for name in data.parameters:

@@ -106,24 +106,6 @@ def convergence(data: ReportData) -> Convergence:
     )
 
 
-ORIGINS: tuple[tuple[str, tuple[str, ...], str], ...] = (
-    ("start", ("initial", "design", "sobol"), "circle-open"),
-    ("around the best", ("trust-region", "local", "simplex"), "circle"),
-    ("everywhere", ("global",), "diamond"),
-    ("finish", ("finish",), "star"),
-    ("other", (), "square-open"),
-)
-"""Groups of who proposed a candidate, and the marker of each."""
-
-
-def origin_group(origin: str) -> str:
-    """The group that an origin counts to."""
-    for name, starts, _ in ORIGINS:
-        if any(origin.startswith(start) for start in starts):
-            return name
-    return "other"
-
-
 def length_scales(data: ReportData) -> dict[str, FloatArray]:
     """(n_candidate,) length scale of each parameter, NaN where no surrogate was asked; pulse by pulse."""
     prefix = "length_scale_"

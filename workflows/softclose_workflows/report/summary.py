@@ -7,7 +7,9 @@ import time
 from typing import Any
 
 from softclose.metrics.objective import Assessment
+from softclose.propose.origins import label_of
 from softclose_workflows.analyses.certify import Certification
+from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.tell.labels import interval, number, percent, percent_interval
 
@@ -16,7 +18,15 @@ def headline(data: ReportData) -> dict[str, Any]:
     """The figures on top, certified ones where there are any, and what to think of them."""
     designs, certification = data.judged_designs, data.certification
     if not designs:
-        return {"cards": [], "certified": None, "n": 0, "valid": True, "compared": "", "confidence": 95.0}
+        return {
+            "cards": [],
+            "certified": None,
+            "n": 0,
+            "valid": True,
+            "compared": "",
+            "missing": [],
+            "confidence": 95.0,
+        }
     a = designs[0].assessment
     compared = [
         f"{100.0 * (1.0 - a.v_u_cm_s / d.assessment.v_u_cm_s):.0f}\u202f% below the {d.name} "
@@ -29,6 +39,7 @@ def headline(data: ReportData) -> dict[str, Any]:
         "valid": a.intervals_valid,
         "n": a.n,
         "compared": " and ".join(compared),
+        "missing": missing_lines(data.judged_missing),
         "confidence": 100.0 * a.confidence,
         "certified": None if certification is None else _certified(data, certification),
     }
@@ -75,7 +86,8 @@ def _cards(data: ReportData, a: Assessment) -> list[dict[str, str]]:
             "title": "Not closed",
             "value": percent(a.p_nc, digits),
             "interval": bounds(percent_interval(*a.p_nc_intervals.wilson, digits)),
-            "what": f"not held in contact at {data.config.model.horizon_us:g} µs",
+            "what": f"not held in contact at {data.config.model.horizon_us:g} µs"
+            + ("" if a.limit is None else f"; {a.limit.sentence}"),
         },
     ]
     cards += [
@@ -138,6 +150,7 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
             {
                 "index": i,
                 "origin": t.origin[i],
+                "origin_label": label_of(t.origin[i]),
                 "note": t.note[i],
                 "failed": bool(t.failed[i]),
                 "cells": cells,

@@ -1,42 +1,39 @@
-"""Owns the main job: propose -> simulate -> commit, candidate by candidate, with the determinism contract.
+"""Owns the main job: propose -> simulate -> commit, wave by wave, with the determinism contract.
 
-Proposal i waits for candidate i - lag and sees exactly the records 0 ... i - lag, however much more has come in.
-Candidates commit in index order. Nothing outside the store carries state from one candidate to the next.
+A wave is proposed as soon as the waves that it may see are committed, and sees exactly those. Waves commit in order,
+whole. Nothing outside the store carries state from one wave to the next.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from softclose.config import CampaignConfig
+from softclose.plugins import EngineError
+from softclose.propose.origins import FALLBACK
+from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
-from softclose.propose.protocol import Observation, Problem, Proposal, seen_by
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.waveform import Waveform
 from softclose_store import DriverStore
-from softclose_workflows.errors import ChunkFailure, Stopped
+from softclose_workflows.errors import Stopped
 from softclose_workflows.run import records
 from softclose_workflows.run.executors import Executor
+from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
+from softclose_workflows.run.flight import Flight, Place, plan_tasks, recovered
 from softclose_workflows.run.stopping import StopRequest
-from softclose_workflows.run.tasks import ChunkTask, chunk_task
+from softclose_workflows.run.tasks import BlockResult, BlockTask
+
+MOST_FALLBACKS = 5
+"""Candidates in a row that an engine may fail to propose before the run stops: it would end as another engine's."""
 
 POLL_S = 0.5
 """How often the driver looks up from waiting: for a stop request, for lost workers [s]."""
-
-
-@dataclass(slots=True)
-class Flight:
-    """One candidate between its proposal and its commit."""
-
-    proposal: Proposal
-    proposed: dict[str, Any]
-    """The proposal as the store keeps it."""
-    missing: set[int]
-    """Chunks not yet marked."""
-    started: float = field(default_factory=time.monotonic)
-    wall_propose_s: float = 0.0
-    failure: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,145 +41,223 @@ class Progress:
     """What a progress display may show after each event."""
 
     committed: int
+    """Candidates that are part of the campaign."""
+    simulated: int
+    """Candidates whose blocks are done, committed or not."""
     budget: int
+    stage: str
+    """Stage of the oldest wave in flight."""
     best_g_cm_s: float
+    """Smallest g on the largest ensemble so far [cm/s]; inf before the first."""
     n_switches_done: int
     """Switches simulated by this process's run."""
     n_workers: int
     n_retries: int
 
 
+@dataclass(slots=True)
+class Spent:
+    """Where this process's time and its workers' went [s]."""
+
+    propose: float = 0.0
+    dispatch: float = 0.0
+    """Cutting waves into tasks, sending them, and receiving their results."""
+    assess: float = 0.0
+    commit: float = 0.0
+    wait: float = 0.0
+    """Waiting for a block."""
+    simulate: float = 0.0
+    """In the device model, on all workers together."""
+    store: float = 0.0
+    """In the store, on all workers together."""
+
+
 Listener = Callable[[Progress], None]
 
 
-class Campaign:
+@dataclass(slots=True)
+class Driver:
     """Drives one store to the end of its budget."""
 
-    def __init__(
-        self,
-        store: DriverStore,
-        executor: Executor,
-        *,
-        stop: StopRequest | None = None,
-        listener: Listener | None = None,
-    ) -> None:
-        self.config = CampaignConfig.from_dict(store.config)
-        self._store = store
-        self._executor = executor
-        self._stop = stop if stop is not None else StopRequest()
-        self._listener = listener
-        self._proposer = Proposer(Problem(self.config))
-        self._history: list[Observation] = records.observations(store.records())
-        self._flights: dict[int, Flight] = {}
-        self._n_switches_done = 0
+    store: DriverStore
+    executor: Executor
+    stop: StopRequest = field(default_factory=StopRequest)
+    listener: Listener | None = None
+    spent: Spent = field(default_factory=Spent)
+    config: CampaignConfig = field(init=False)
+    waves: tuple[Wave, ...] = field(init=False)
+    _proposer: Proposer = field(init=False)
+    _history: list[Observation] = field(init=False, default_factory=list)
+    _best: tuple[int, float] = field(init=False, default=(0, math.inf))
+    """Largest ensemble so far, and the smallest g on it: a small ensemble flatters its optimum."""
+    _flights: dict[int, Flight] = field(init=False, default_factory=dict)
+    _tries: Counter[tuple[str, Place]] = field(init=False, default_factory=Counter)
+    _n_switches_done: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        self.config = CampaignConfig.from_dict(self.store.config)
+        problem = Problem(self.config)
+        self.waves = plan(problem)
+        self._proposer = Proposer(problem)
+        self._observe(records.observations(self.store.records()))
 
     def run(self) -> None:
-        """Return when every candidate is committed; raise Stopped where the run ends earlier."""
-        total = self.config.total_budget
+        """Return when every wave is committed; raise Stopped where the run ends earlier."""
         self._report()
-        while len(self._history) < total:
+        while self.store.n_waves < len(self.waves):
             self._launch()
             if not self._flights:
-                raise Stopped(f"{self._stop.signal_name} received: what was in flight is committed")
+                raise Stopped(f"{self.stop.signal_name} received: what was in flight is committed")
             self._advance()
 
     def _launch(self) -> None:
-        """Propose and submit every candidate that may start now."""
-        while not self._stop:
-            i = len(self._history) + len(self._flights)
-            if i >= self.config.total_budget or len(self._flights) >= self.config.campaign.lag:
+        """Propose and submit every wave that may start now."""
+        while not self.stop:
+            w = self.store.n_waves + len(self._flights)
+            if w == len(self.waves) or self.waves[w].sees > self.store.n_waves:
                 return
-            self._flights[i] = flight = self._propose(i)
-            for chunk in sorted(flight.missing):
-                self._executor.submit(self._task(i, chunk))
+            self._flights[w] = flight = self._propose(self.waves[w])
+            began = time.perf_counter()
+            for task in flight.missing:
+                self.executor.submit(task)
+            self.spent.dispatch += time.perf_counter() - began
 
-    def _propose(self, i: int) -> Flight:
-        """The stored proposal where one survived a kill, a fresh one otherwise."""
-        started = time.monotonic()
-        stored = self._store.proposal(i)
-        if stored is None:
-            seen = seen_by(i, self._history, self.config.campaign.lag)
-            unseen = [o.waveform for o in self._history[len(seen) :]]
-            unseen += [self._flights[j].proposal.waveform for j in sorted(self._flights)]
-            proposal = self._proposer.propose(i, seen, unseen)
-            self._store.propose(i, records.proposal_record(proposal))
-            stored = self._store.proposal(i)
-            assert stored is not None
-        else:
-            proposal = records.proposal_from_record(stored)
-        done = self._store.chunks_done(i)
-        return Flight(
-            proposal=proposal,
-            proposed=stored,
-            missing={chunk for chunk, is_done in enumerate(done) if not is_done},
-            wall_propose_s=time.monotonic() - started,
+    def _propose(self, wave: Wave) -> Flight:
+        """The wave as a pure function of what it may see, with the blocks that an earlier run has stored."""
+        began = time.perf_counter()
+        seen = [o for o in self._history if o.wave < wave.sees]
+        pending = [o.waveform for o in self._history[len(seen) :]]
+        pending += [p.waveform for w in sorted(self._flights) for p in self._flights[w].proposals]
+        proposals = self._ask(wave, seen, pending)
+        proposed = time.perf_counter()
+        tasks = plan_tasks(
+            wave, proposals, self.store.layout, store=self.store.path, fingerprint=self.store.fingerprint
         )
+        flight = Flight(wave=wave, proposals=proposals, tasks=tasks, propose_s=proposed - began)
+        self._recover(flight)
+        self.spent.propose += proposed - began
+        self.spent.dispatch += time.perf_counter() - proposed
+        return flight
 
-    def _task(self, i: int, chunk: int) -> ChunkTask:
-        flight = self._flights[i]
-        return chunk_task(
-            self.config,
-            self._store.path,
-            i,
-            chunk,
-            flight.proposal.waveform,
-            flight.proposal.n_switches,
-            self._store.proposal_digest(i),
-        )
+    def _ask(self, wave: Wave, seen: Sequence[Observation], pending: Sequence[Waveform]) -> Sequence[Proposal]:
+        """The proposals of a wave. What is no failure of the engine's own is the machine's fault, and stops the run."""
+        try:
+            proposals = self._proposer.propose(wave, seen, pending)
+        except EngineError:
+            raise
+        except Exception as e:
+            raise Stopped(f"wave {wave.index} could not be proposed ({type(e).__name__}: {e})") from e
+        if all(p.origin == FALLBACK for p in proposals):
+            earlier = itertools.takewhile(lambda o: o.origin == FALLBACK, reversed(seen))
+            in_a_row = len(proposals) + sum(1 for _ in earlier)
+            if in_a_row >= MOST_FALLBACKS:
+                raise Stopped(
+                    f"the engine failed {in_a_row} times in a row, at last: {proposals[-1].note}; mend it, or choose "
+                    "another optimiser.engine"
+                )
+        return proposals
+
+    def _recover(self, flight: Flight) -> None:
+        """Take over the blocks that are stored under these very proposals."""
+        stage, places = flight.wave.stage, list(flight.tasks)
+        done = self.store.blocks_done(stage, places, [flight.tasks[p].proposals_digest for p in places])
+        kept = [place for place, is_done in zip(places, done, strict=True) if is_done]
+        if not kept:
+            return
+        markers = self.store.markers(stage, kept)
+        for place in kept:
+            stored = self.store.read_assessed(stage, *place, flight.wave.n_switches)
+            result = recovered(stored, markers[place])
+            if result is not None:
+                flight.results[place] = result
 
     def _advance(self) -> None:
-        """Wait for one event, then commit every candidate that is next in order and complete."""
-        if any(flight.missing for flight in self._flights.values()):
-            event = self._executor.next_event(POLL_S)
-            if event is not None:
-                self._receive(*event)
-        while (i := len(self._history)) in self._flights and not self._flights[i].missing:
-            self._commit(i)
+        """Wait for blocks, then commit every wave that is next in order and complete."""
+        if self._flights[self.store.n_waves].missing:
+            self._collect()
+        while (w := self.store.n_waves) in self._flights and not self._flights[w].missing:
+            self._commit(w)
 
-    def _receive(self, task: ChunkTask, outcome: object) -> None:
-        flight = self._flights.get(task.candidate)
-        if isinstance(outcome, Stopped):
-            raise outcome
-        if isinstance(outcome, OSError):
-            raise Stopped(f"{task.name} could not be stored: {outcome}") from outcome
-        if flight is None:
-            return  # a chunk of a candidate that has failed meanwhile
-        if isinstance(outcome, BaseException):
-            reason = str(outcome) if isinstance(outcome, ChunkFailure) else f"{type(outcome).__name__}: {outcome}"
-            flight.failure = flight.failure or f"{task.name}: {reason}"
-        else:
-            self._n_switches_done += task.stop - task.start
-        flight.missing.discard(task.chunk)
-
-    def _commit(self, i: int) -> None:
-        """Assess candidate i from what its chunks stored, and make it part of the campaign."""
-        flight = self._flights[i]
-        wall = {"wall_propose_s": flight.wall_propose_s, "wall_simulate_s": time.monotonic() - flight.started}
-        if flight.failure:
-            record = records.failed_record(flight.failure)
-        else:
-            stored = self._store.read_switch_metrics(i)
-            record = records.assessment_record(records.assess_stored(stored, self.config))
-        try:
-            self._store.commit(i, record | wall)
-        except OSError as e:
-            raise Stopped(f"candidate {i} could not be committed: {e}") from e
-        self._history.append(records.observation(i, flight.proposed, record))
-        del self._flights[i]
+    def _collect(self) -> None:
+        """Receive what has come back, waiting a little for the first of it."""
+        began = time.perf_counter()
+        event = self.executor.next_event(POLL_S)
+        self.spent.wait += time.perf_counter() - began
+        while event is not None:
+            began = time.perf_counter()
+            self._receive(*event)
+            self.spent.dispatch += time.perf_counter() - began
+            event = self.executor.next_event(0.0) if self.executor.has_finished else None
         self._report()
 
-    def _report(self) -> None:
-        if self._listener is None:
+    def _receive(self, task: BlockTask, outcome: BlockResult | BaseException) -> None:
+        flight = next((f for f in self._flights.values() if f.tasks.get(task.place) is task), None)
+        if flight is None:
             return
-        usable = [o for o in self._history if not o.failed]
-        largest = max((o.n_switches for o in usable), default=0)
-        self._listener(
+        if isinstance(outcome, BlockResult):
+            try:
+                flight.receive(task, outcome)
+            except ValueError as e:
+                outcome = e
+            else:
+                self._n_switches_done += outcome.status.size
+                self.spent.simulate += outcome.simulate_s
+                self.spent.store += outcome.store_s
+                return
+        self._again(task, outcome)
+
+    def _again(self, task: BlockTask, failure: BaseException) -> None:
+        """A fault of the machine: the block is tried elsewhere a few times, then the run stops."""
+        if isinstance(failure, Stopped):
+            raise failure
+        key = (task.stage, task.place)
+        self._tries[key] += 1
+        reason = f"{type(failure).__name__}: {failure}"
+        if stops_at_once(failure) or self._tries[key] >= MAX_TRIES:
+            times = f" {MAX_TRIES} times" if self._tries[key] >= MAX_TRIES else ""
+            raise Stopped(
+                f"{task.name} could not be computed{times} ({reason}); nothing of it is recorded"
+            ) from failure
+        self.executor.submit(task)
+
+    def _commit(self, w: int) -> None:
+        """Assess the wave from what came back, and make it part of the campaign."""
+        flight = self._flights[w]
+        began = time.perf_counter()
+        rows = flight.rows(self.config)
+        assessed = time.perf_counter()
+        try:
+            self.store.commit(rows, flight.markers)
+        except OSError as e:
+            raise Stopped(f"wave {w} could not be committed: {e}") from e
+        self.spent.assess += assessed - began
+        self.spent.commit += time.perf_counter() - assessed
+        start = flight.wave.start
+        self._observe([records.observation(start + i, w, row) for i, row in enumerate(rows)])
+        del self._flights[w]
+        self._report()
+
+    def _observe(self, observations: Sequence[Observation]) -> None:
+        self._history += observations
+        for o in observations:
+            if o.usable and (o.n_switches, -o.g_cm_s) > (self._best[0], -self._best[1]):
+                self._best = (o.n_switches, o.g_cm_s)
+
+    def _report(self) -> None:
+        if self.listener is None:
+            return
+        flying = [self._flights[w] for w in sorted(self._flights)]
+        done = sum(f.wave.size * len(f.results) // max(len(f.tasks), 1) for f in flying)
+        at = min(self.store.n_waves, len(self.waves) - 1)
+        self.listener(
             Progress(
                 committed=len(self._history),
+                simulated=len(self._history) + done,
                 budget=self.config.total_budget,
-                best_g_cm_s=min((o.g_cm_s for o in usable if o.n_switches == largest), default=float("nan")),
+                stage=self.waves[at].stage,
+                best_g_cm_s=self._best[1],
                 n_switches_done=self._n_switches_done,
-                n_workers=self._executor.n_workers,
-                n_retries=self._executor.n_retries,
+                n_workers=self.executor.n_workers,
+                n_retries=self.executor.n_retries,
             )
         )

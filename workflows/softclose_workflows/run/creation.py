@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from softclose import ALGORITHM
 from softclose.config import CampaignConfig
+from softclose.propose.plan import plan
+from softclose.propose.protocol import Problem
 from softclose.waveform import FloatArray
 from softclose.waveform.spaces import SPACES
 from softclose_store import Layout, StoreError, create_campaign
+from softclose_workflows.run.blocks import stage_layouts
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import times_us
 
@@ -21,6 +25,7 @@ def create_store(config: CampaignConfig, path: str) -> None:
             layout=layout_of(config),
             config=config.to_dict(),
             fingerprint=config.fingerprint(),
+            algorithm=ALGORITHM,
             durable=config.store.durable,
             population=population_columns(config),
             runtime=runtime(),
@@ -51,10 +56,8 @@ def layout_of(config: CampaignConfig) -> Layout:
     n_pulses, _ = SPACES[config.waveform.space]
     longest = max([n_pulses, *(len(rows) for rows in config.waveform.initial)])
     return Layout(
-        n_candidates=config.total_budget,
-        n_switches=config.n_switches_max,
-        chunk_switches=config.chunk_switches,
-        times_us=times_us(config.model.horizon_us, config.store.n_times),
+        stages=stage_layouts(config, plan(Problem(config))),
+        times_us=times_us(config),
         max_impacts=config.store.max_impacts,
         n_pulses=longest,
         limits_cm_s=config.objective.limits_cm_s,

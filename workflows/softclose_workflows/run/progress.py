@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Iterator
 
@@ -11,7 +12,7 @@ from softclose_workflows.run.campaign import Listener, Progress
 
 @contextlib.contextmanager
 def show_progress(*, quiet: bool) -> Iterator[Listener | None]:
-    """A bar with best g so far and the rate in switches per second; nothing at all where quiet."""
+    """A bar that moves with every block, with best g so far and the rate; nothing at all where quiet."""
     if quiet:
         yield None
         return
@@ -21,7 +22,7 @@ def show_progress(*, quiet: bool) -> Iterator[Listener | None]:
 
     started = time.monotonic()
     with Bar(
-        TextColumn("candidates"),
+        TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[state]}"),
@@ -30,12 +31,13 @@ def show_progress(*, quiet: bool) -> Iterator[Listener | None]:
         TimeRemainingColumn(),
         console=Console(stderr=True),
     ) as bar:
-        task = bar.add_task("run", total=None, state="")
+        task = bar.add_task("starting", total=None, state="")
 
         def listener(p: Progress) -> None:
             rate = p.n_switches_done / max(time.monotonic() - started, 1e-3)
-            lost = f" · {p.n_retries} workers lost" if p.n_retries else ""
-            state = f"best g {p.best_g_cm_s:.2f} cm/s · {rate:,.0f} switches/s · {p.n_workers} workers{lost}"
-            bar.update(task, completed=p.committed, total=p.budget, state=state)
+            words = [f"best g {p.best_g_cm_s:.2f} cm/s"] if math.isfinite(p.best_g_cm_s) else []
+            words += [f"{rate:,.0f} switches/s"] if p.n_switches_done else ["compiling, first run only"]
+            words += [f"{p.n_workers} workers"] + ([f"{p.n_retries} workers lost"] if p.n_retries else [])
+            bar.update(task, description=p.stage, completed=p.simulated, total=p.budget, state=" · ".join(words))
 
         yield listener

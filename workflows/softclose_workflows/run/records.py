@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
-from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment
 from softclose.propose.protocol import Observation, Proposal
 from softclose.waveform import FloatArray, Waveform
@@ -29,18 +27,8 @@ class StoredResponse:
     """(n,) 0 where the switch was integrated."""
 
 
-def assess_stored(stored: Mapping[str, NDArray[Any]], config: CampaignConfig) -> Assessment:
-    """Assess the per-switch arrays of one candidate as the store holds them."""
-    response = StoredResponse(
-        max_contact_speed=stored["max_contact_speed"],
-        closed=stored["closed"].astype(np.bool_),
-        status=stored["status"],
-    )
-    return judge(config, response)
-
-
 def proposal_record(proposal: Proposal) -> dict[str, Any]:
-    """What is stored of a proposal, before any chunk of it is computed."""
+    """What is stored of a proposal."""
     return {
         "waveform": proposal.waveform.rows(),
         "origin": proposal.origin,
@@ -48,17 +36,6 @@ def proposal_record(proposal: Proposal) -> dict[str, Any]:
         "surrogate": dict(proposal.surrogate),
         "note": proposal.note,
     }
-
-
-def proposal_from_record(record: Mapping[str, Any]) -> Proposal:
-    """The inverse of `proposal_record`."""
-    return Proposal(
-        waveform=Waveform.from_rows(record["waveform"]),
-        origin=str(record["origin"]),
-        n_switches=int(record["n_switches"]),
-        surrogate={str(k): float(v) for k, v in record["surrogate"].items()},
-        note=str(record["note"]),
-    )
 
 
 def assessment_record(a: Assessment) -> dict[str, Any]:
@@ -94,13 +71,14 @@ def failed_record(reason: str) -> dict[str, Any]:
     return {"failed": True, "failure": reason}
 
 
-def observation(index: int, proposed: Mapping[str, Any], record: Mapping[str, Any]) -> Observation:
+def observation(index: int, wave: int, record: Mapping[str, Any]) -> Observation:
     """One committed candidate as engines see it."""
     return Observation(
         index=index,
-        waveform=Waveform.from_rows(proposed["waveform"]),
-        origin=str(proposed["origin"]),
-        n_switches=int(proposed["n_switches"]),
+        wave=wave,
+        waveform=Waveform.from_rows(record["waveform"]),
+        origin=str(record["origin"]),
+        n_switches=int(record["n_switches"]),
         failed=bool(record["failed"]),
         **{name: float(record.get(name, math.nan)) for name in OBSERVED},
     )
@@ -110,6 +88,11 @@ OBSERVED = ("g_cm_s", "g_se_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact")
 
 
 def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:
-    """The whole history from the store's committed per-candidate arrays."""
-    n = len(records["failed"])
-    return [observation(i, row, row) for i in range(n) for row in [{name: a[i] for name, a in records.items()}]]
+    """The whole history from the store's committed records."""
+    names = ("wave", "waveform", "origin", "n_switches", "failed", *OBSERVED)
+    columns = {name: records[name] for name in names}
+    return [
+        observation(i, int(row["wave"]), row)
+        for i in range(len(columns["failed"]))
+        for row in [{name: column[i] for name, column in columns.items()}]
+    ]

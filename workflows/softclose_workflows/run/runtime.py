@@ -11,6 +11,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
+import click
+
 from softclose import __version__
 
 RECORDED_VERSIONS = ("dask", "numba", "numpy", "scikit-learn", "scikit-optimize", "scipy", "zarr")
@@ -61,3 +63,9 @@ def changes_since(recorded: Mapping[str, Any]) -> list[str]:
     if recorded.get("processor") not in (None, now["processor"]):
         changes.append(f"this processor is {now['processor']}, the store was made on {recorded['processor']}")
     return changes
+
+
+def say_changes(recorded: Mapping[str, Any]) -> None:
+    """Tell, on standard error, what differs here: also where progress is not wanted."""
+    for change in changes_since(recorded):
+        click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)

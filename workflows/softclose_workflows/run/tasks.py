@@ -1,121 +1,168 @@
-"""Owns the unit of distributed work: simulate one chunk of switches under one waveform and store it.
+"""Owns the unit of distributed work: simulate one block of candidates and switches, and store it.
 
 A pure function of its task and the stored population: running it twice writes the same bits.
 """
 
 from __future__ import annotations
 
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
+from softclose.device import FAILURES
 from softclose.waveform import FloatArray, Waveform
+from softclose_store import IMPACT_QUANTITIES, QUANTITIES
+
+PLACE = {quantity.name: k for k, quantity in enumerate(QUANTITIES)}
+"""Where a quantity stands in the array `response`."""
+
+Rows = tuple[tuple[float, float, float, float], ...]
+"""A waveform as plain numbers: (start, rise, peak, volts) of each pulse; a peak of inf holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChunkTask:
-    """Everything one worker needs to compute and store one chunk."""
+class BlockTask:
+    """Everything one worker needs to compute and store one block."""
 
     store: str
     """Path or URL of the campaign's store."""
-    candidate: int
-    chunk: int
+    fingerprint: str
+    """The campaign that the store has to hold."""
+    stage: str
+    row: int
+    """Which candidates of the stage."""
+    column: int
+    """Which switches of the stage."""
+    first: int
+    """Campaign-wide index of the block's first candidate, for messages."""
     start: int
-    """First row of the population in this chunk."""
+    """First row of the population in this block."""
     stop: int
-    """One past the last row."""
-    waveform: tuple[tuple[float, float, float, float], ...]
-    """Rows (start, rise, peak, volts); a peak of inf holds."""
-    proposal_digest: int
-    """Ties the chunk's marker to the waveform it was computed for."""
-    config: CampaignConfig
-    """What is applied, and what is kept."""
+    """One past the last."""
+    waveforms: tuple[Rows, ...]
+    proposals_digest: int
+    """Ties the block's marker to the waveforms that it was computed for."""
 
     @property
     def name(self) -> str:
-        """`candidate 12, chunk 3`, for messages."""
-        return f"candidate {self.candidate}, chunk {self.chunk}"
+        """`candidates 20 to 39, switches 0 to 255`, for messages."""
+        last = self.first + len(self.waveforms) - 1
+        return f"candidates {self.first} to {last}, switches {self.start} to {self.stop - 1}"
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Row and column."""
+        return self.row, self.column
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChunkResult:
-    """What a worker reports; the data itself went to the store."""
+class BlockResult:
+    """What comes back with a task; everything else went to the store. c candidates, s switches."""
 
-    candidate: int
-    chunk: int
-    n_switches: int
+    max_contact_speed: FloatArray
+    """(c, s) [µm/µs]."""
+    closed: NDArray[np.bool_]
+    """(c, s)."""
+    status: NDArray[np.int8]
+    """(c, s)."""
+    marker: NDArray[np.uint64]
+    """The block's digests, as stored."""
+    failures: Mapping[int, str]
+    """Candidate of the block -> why the device model could not answer."""
+    simulate_s: float
+    """Time in the device model [s]."""
+    store_s: float
+    """Time spent storing [s]."""
 
 
-def times_us(horizon_us: float, n_times: int) -> FloatArray:
+def times_us(config: CampaignConfig) -> FloatArray:
     """The uniform grid of the stored trajectories: (n_times,) from 0 to the horizon [µs]."""
-    return np.linspace(0.0, horizon_us, n_times)
+    return np.linspace(0.0, config.model.horizon_us, config.store.n_times)
 
 
-def chunk_task(
-    config: CampaignConfig, store: str, candidate: int, chunk: int, waveform: Waveform, n_switches: int, digest: int
-) -> ChunkTask:
-    """The task of one chunk of one candidate."""
-    start = chunk * config.chunk_switches
-    rows = tuple((p.start_us, p.rise_us, p.peak_us, p.volts) for p in waveform.pulses)
-    return ChunkTask(
-        store=store,
-        candidate=candidate,
-        chunk=chunk,
-        start=start,
-        stop=min(start + config.chunk_switches, n_switches),
-        waveform=rows,
-        proposal_digest=digest,
-        config=config,
-    )
+def compute_block(
+    config: CampaignConfig, switches: FloatArray, waveforms: tuple[Rows, ...]
+) -> tuple[dict[str, NDArray[Any]], dict[int, str]]:
+    """Simulate switches (s, 4) under each waveform. Returns the arrays of the store's schema, and what failed.
 
-
-def compute_chunk(task: ChunkTask, switches: FloatArray) -> dict[str, np.ndarray[Any, Any]]:
-    """Simulate rows start:stop of switches (n, 4). Returns the arrays of the store's schema, by name."""
+    A candidate fails where the device model says so: it would fail anywhere. Whatever else is raised is the machine's
+    fault and goes on to the caller.
+    """
     from softclose.evaluate import respond
 
-    config = task.config
-    response = respond(
-        config,
-        switches[task.start : task.stop],
-        Waveform.from_rows(task.waveform),
-        max_volts=config.waveform.max_volts,
-        max_impacts=config.store.max_impacts,
-        times_us=times_us(config.model.horizon_us, config.store.n_times),
-        dtype=np.float32,
+    c, s, times = len(waveforms), len(switches), times_us(config)
+    n_impacts = config.store.max_impacts
+    response = np.full((c, s, len(QUANTITIES)), np.nan)
+    response[:, :, PLACE["closed"]], response[:, :, PLACE["status"]] = 0.0, -1.0
+    impact = np.full((c, s, n_impacts, len(IMPACT_QUANTITIES)), np.nan)
+    x, v = (np.full((c, s, len(times)), np.nan, dtype=np.float32) for _ in "xv")
+    failures: dict[int, str] = {}
+    for i, rows in enumerate(waveforms):
+        try:
+            r = respond(
+                config,
+                switches,
+                Waveform.from_rows(rows),
+                max_volts=config.waveform.max_volts,
+                max_impacts=n_impacts,
+                times_us=times,
+                dtype=np.float32,
+            )
+        except FAILURES as e:
+            failures[i] = f"{type(e).__name__}: {e}"
+            continue
+        known = {
+            "max_contact_speed": r.max_contact_speed,
+            "first_contact": r.first_contact_us,
+            "settling": r.settling_us,
+            "n_impacts": r.n_impacts,
+            "final_x": r.final_x,
+            "final_v": r.final_v,
+            "closed": r.closed,
+            "status": r.status,
+        }
+        for quantity, k in PLACE.items():
+            response[i, :, k] = known[quantity]
+        impact[i, :, :, 0], impact[i, :, :, 1] = r.impact_time_us, r.impact_speed
+        x[i], v[i] = r.x, r.v
+    arrays: dict[str, NDArray[Any]] = {"response": response, "x": x, "v": v, "impact": impact}
+    return arrays, failures
+
+
+def run_block(task: BlockTask) -> BlockResult:
+    """Compute one block and write it to the store, its marker last."""
+    from softclose_store import write_block
+
+    config, switches = _campaign(task.store, task.fingerprint)
+    began = time.perf_counter()
+    arrays, failures = compute_block(config, switches[task.start : task.stop], task.waveforms)
+    simulated = time.perf_counter()
+    marker = write_block(task.store, task.stage, task.row, task.column, arrays, task.proposals_digest)
+    response = arrays["response"]
+    return BlockResult(
+        max_contact_speed=np.ascontiguousarray(response[:, :, PLACE["max_contact_speed"]]),
+        closed=response[:, :, PLACE["closed"]] == 1.0,
+        status=response[:, :, PLACE["status"]].astype(np.int8),
+        marker=marker,
+        failures=failures,
+        simulate_s=simulated - began,
+        store_s=time.perf_counter() - simulated,
     )
-    arrays: dict[str, np.ndarray[Any, Any] | None] = {
-        "max_contact_speed": response.max_contact_speed,
-        "first_contact": response.first_contact_us,
-        "settling": response.settling_us,
-        "n_impacts": response.n_impacts,
-        "final_x": response.final_x,
-        "final_v": response.final_v,
-        "closed": response.closed,
-        "status": response.status,
-        "impact_time": response.impact_time_us,
-        "impact_speed": response.impact_speed,
-        "x": response.x,
-        "v": response.v,
-    }
-    return {name: array for name, array in arrays.items() if array is not None}
-
-
-def run_chunk(task: ChunkTask) -> ChunkResult:
-    """Compute one chunk and write it to the store, its marker last."""
-    from softclose_store import write_chunk
-
-    arrays = compute_chunk(task, _population(task.store))
-    write_chunk(task.store, task.candidate, task.chunk, arrays, task.proposal_digest)
-    return ChunkResult(candidate=task.candidate, chunk=task.chunk, n_switches=task.stop - task.start)
 
 
 @lru_cache(maxsize=2)
-def _population(store: str) -> FloatArray:
-    """(n_switches_max, 4) D, G, K, M as stored; one read per process and store."""
-    from softclose_store import read_switches
+def _campaign(store: str, fingerprint: str) -> tuple[CampaignConfig, FloatArray]:
+    """Configuration and (n_switches, 4) D, G, K, M as stored; one read per process and campaign."""
+    from softclose_store import StoreError, open_campaign, read_switches
 
+    campaign = open_campaign(store)
+    if campaign.fingerprint != fingerprint:
+        raise StoreError(f"{store} holds campaign {campaign.fingerprint[:12]} here, not {fingerprint[:12]}")
     switches: FloatArray = read_switches(store)
-    return switches
+    return CampaignConfig.from_dict(campaign.config), switches

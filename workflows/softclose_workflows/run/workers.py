@@ -1,4 +1,4 @@
-"""Owns what a Dask worker does before its first chunk."""
+"""Owns what a Dask worker does before its first block."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from distributed import WorkerPlugin
 
 
 class WorkerSetup(WorkerPlugin):
-    """Leaves Ctrl-C to the driver, and loads the compiled kernel before the first chunk needs it."""
+    """Leaves Ctrl-C to the driver, and loads the compiled kernel before the first block needs it."""
 
     def setup(self, worker: Any) -> None:
         """Runs once in each worker, also in one that replaces a dead one."""

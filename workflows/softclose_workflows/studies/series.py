@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -10,17 +9,20 @@ from pathlib import Path
 
 import click
 
+from softclose import ALGORITHM
 from softclose.config import CampaignConfig
-from softclose_store import DriverStore, open_campaign
-from softclose_workflows.analyses.certified_tables import simulation_progress
-from softclose_workflows.analyses.certify import Certification, certify
+from softclose_store import DriverStore, open_campaign, store_state
+from softclose_workflows.analyses.certify import N_REFERENCES, Certification, certify, check_size
 from softclose_workflows.errors import Stopped
-from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run import needs
+from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.progress import show_progress
-from softclose_workflows.run.runtime import runtime
+from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
+from softclose_workflows.tell.console import bar, silent
+from softclose_workflows.tell.outputs import check_folder, make_folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +48,7 @@ class Effort:
     top: int = 10
     """Candidates certified in each campaign."""
     placement: Placement = field(default_factory=Placement)
-    """Where chunks are computed."""
+    """Where blocks are computed."""
     threads: int = 1
     """Threads of a certification."""
     quiet: bool = False
@@ -61,10 +63,15 @@ def run_series(
 ) -> list[Certification]:
     """Run, or continue, every campaign and certify it; returns the certifications in the order of the members.
 
+    Raises OutputError where no such folder can be.
     Every store is created or found to hold the very campaign before anything is computed, so a folder of another series
     is refused at once. done: called after each member. Raises Stopped on a signal; the same call continues.
     """
-    Path(folder).mkdir(parents=True, exist_ok=True)
+    check_folder(folder)
+    _check(members, folder, effort)
+    make_folder(folder)
+    for member in members:
+        check_size(member.config, effort.n_switches, effort.top)
     for member in members:
         create_store(member.config, member.store(folder))
     results = []
@@ -79,8 +86,7 @@ def run_series(
                     executor = stack.enter_context(open_executor(effort.placement))
                 _say(effort, f"[{number}/{len(members)}] {member.config.campaign.name}")
                 _run(path, executor, stop, effort)
-            quiet = effort.quiet or not sys.stderr.isatty()
-            with simulation_progress(f"certifying {member.name}", quiet=quiet) as listener:
+            with bar(f"certifying {member.name}", quiet=effort.quiet) as listener:
                 result = certify(
                     path, n_switches=effort.n_switches, top=effort.top, threads=effort.threads, listener=listener
                 )
@@ -90,11 +96,29 @@ def run_series(
     return results
 
 
+def _check(members: Sequence[Member], folder: str | Path, effort: Effort) -> None:
+    """Refuse what this machine cannot hold, before the first store is created."""
+    designs = [min(effort.top, m.config.total_budget) + N_REFERENCES for m in members]
+    runs = needs.of_all(
+        needs.of_run(m.config, workers=effort.placement.n_processes, committed=store_state(m.store(folder)).n_committed)
+        for m in members
+    )
+    # What is certified stays in memory until the last campaign has been compared with the others.
+    certifications = needs.of_fresh(effort.n_switches, max(designs), n_kept=sum(designs))
+    needs.check(
+        needs.of_all([runs, certifications]),
+        f"{len(members)} campaigns, each certified on {effort.n_switches:,} fresh switches,",
+        "lower population.n_switches, campaign.budget or store.n_times (--set), --switches or --top",
+        path=folder,
+    )
+
+
 def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> None:
-    with DriverStore(path) as store:
-        store.note_run(runtime())
-        with show_progress(quiet=effort.quiet or not sys.stderr.isatty()) as listener:
-            Campaign(store, executor, stop=stop, listener=listener).run()
+    with DriverStore(path, expected_algorithm=ALGORITHM) as store:
+        say_changes(open_campaign(path).runtime)
+        store.note_run(runtime() | {"workers": executor.n_workers})
+        with show_progress(quiet=silent(effort.quiet)) as listener:
+            Driver(store, executor, stop=stop, listener=listener).run()
 
 
 @contextmanager

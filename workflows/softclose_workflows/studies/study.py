@@ -5,7 +5,6 @@ The folder holds a store per value; the same call continues after a stop and com
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,10 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose_workflows.analyses.certified_tables import finite, simulation_progress, waveform_rows, wide_console
 from softclose_workflows.analyses.certify import Certification, assess_fresh, simulate_fresh
 from softclose_workflows.studies.series import Effort, Member, run_series
 from softclose_workflows.studies.study_file import Study
+from softclose_workflows.tell.console import bar, wide_console
+from softclose_workflows.tell.outputs import write_text
+from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, with_interval
 
 FloatArray = NDArray[np.float64]
@@ -55,7 +56,7 @@ class StudyResult:
                         "value": value,
                         "store": f"{member.name}.zarr",
                         "candidate": c.best.candidate,
-                        "waveform": waveform_rows(c.best),
+                        "waveform": waveform_rows(c.best.waveform.rows()),
                         "flattery_cm_s": c.best.flattery_cm_s,
                         **c.best.assessment.to_dict(),
                         "references": {r.name: r.assessment.to_dict() for r in c.references},
@@ -79,7 +80,7 @@ def run_study(study: Study, folder: str | Path, effort: Effort) -> StudyResult:
         certifications=tuple(certifications),
         cross_g_cm_s=cross_evaluate(members, certifications, effort),
     )
-    (Path(folder) / "study.json").write_text(json.dumps(result.to_json(), indent=1, allow_nan=False) + "\n", "utf-8")
+    write_text(Path(folder) / "study.json", json_text(result.to_json(), indent=1) + "\n", "--out")
     return result
 
 
@@ -87,7 +88,7 @@ def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certifica
     """Certified g of every optimum under every value, on the fresh switches of that value. (n_value, n_value)."""
     g = np.full((len(members), len(members)), math.nan)
     waveforms = [c.best.waveform for c in certifications]
-    with simulation_progress("every optimum under every value", quiet=effort.quiet) as listener:
+    with bar("every optimum under every value", quiet=effort.quiet) as listener:
         for i, (member, own) in enumerate(zip(members, certifications, strict=True)):
             config = member.config
             limit = config.waveform.max_volts * (1.0 + 1e-9)
@@ -124,7 +125,7 @@ def print_study(result: StudyResult) -> None:
         a = c.best.assessment
         table.add_row(
             f"{value:g}",
-            describe_waveform(waveform_rows(c.best)),
+            describe_waveform(waveform_rows(c.best.waveform.rows())),
             with_interval(a.v_u_cm_s, *a.v_u_interval),
             with_interval(a.mean_cm_s, *a.mean_interval),
             with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4),

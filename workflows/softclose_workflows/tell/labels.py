@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-import re
+
+from softclose.propose.inputs import SWING
+from softclose.propose.origins import Group
+from softclose.waveform import coordinates
 
 PALETTE: dict[str, dict[str, str]] = {
     "light": {
@@ -52,23 +55,21 @@ PARAMETERS: dict[str, tuple[str, str]] = {
     "M": ("effective mass M", "µg"),
 }
 
-_COORDINATES = {
-    "impulse": ("impulse", "× coasting"),
-    "rise": ("rise time", "µs"),
-    "volts": ("voltage", "V"),
-    "gap": ("pause before", "periods"),
-    "peak": ("flat top", "µs"),
+ORIGIN_GROUPS: dict[Group, tuple[str, str]] = {
+    "start": ("circle-open", "unshaped"),
+    "around the best": ("circle", "best"),
+    "everywhere": ("diamond", "extra"),
+    "descents": ("triangle-up", "open"),
+    "finish": ("star", "deterministic"),
+    "fallback": ("x", "unshaped"),
+    "other": ("square-open", "open"),
 }
+"""Marker and colour of each group of candidates in a convergence."""
 
 
 def coordinate_label(name: str, *, unit: bool = True) -> str:
-    """`volts2` -> `pulse 2 voltage (V)`; a name that nobody knows stays as it is."""
-    match = re.fullmatch(r"([a-z_]+)(\d+)", name)
-    if match is None or match[1] not in _COORDINATES:
-        return name
-    words, of = _COORDINATES[match[1]]
-    text = f"{words} pulse {match[2]}" if match[1] == "gap" else f"pulse {match[2]} {words}"
-    return f"{text} ({of})" if unit else text
+    """`volts2` -> `pulse 2 voltage (V)`, `x_last` -> `position at the last pulse`; what nobody knows stays as it is."""
+    return coordinates.label_of(name, unit=unit) or SWING.get(name, name)
 
 
 def number(value: float, digits: int = 1) -> str:

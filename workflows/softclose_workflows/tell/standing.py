@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from softclose.metrics.intervals import proportion
+from softclose.metrics.limit import Limit, limit_on
 from softclose_store import Best, open_campaign
+from softclose_workflows.tell.plain import finite, waveform_rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +28,8 @@ class Standing:
     """Committed candidates without a usable result."""
     best: Best | None
     """The best committed candidate; None before the first usable one."""
+    limit: Limit | None = None
+    """What its ensemble says of the limit on p_nc; None in the penalty form."""
 
     @property
     def finished(self) -> bool:
@@ -41,39 +46,46 @@ class Standing:
             "finished": self.finished,
             "failed": self.failed,
             "best": None if self.best is None else best_to_json(self.best),
+            "limit": None if self.limit is None else asdict(self.limit),
         }
 
 
 def best_to_json(best: Best) -> dict[str, Any]:
     """The best candidate as `status --json` prints it."""
-    return {
-        "candidate": best.candidate,
-        "g_cm_s": _number(best.g_cm_s),
-        "v_u_cm_s": _number(best.v_u_cm_s),
-        "mean_cm_s": _number(best.mean_cm_s),
-        "p_nc": _number(best.p_nc),
-        "n_switches": best.n_switches,
-        "waveform": waveform_to_json(best.waveform),
-    }
-
-
-def waveform_to_json(rows: Any) -> list[list[float | None]]:
-    """[[start, rise, peak (None where it holds), volts], …] without the rows of absent pulses."""
-    return [[_number(float(v)) for v in row] for row in rows if not math.isnan(float(row[0]))]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    said: dict[str, Any] = finite(
+        {
+            "candidate": best.candidate,
+            "g_cm_s": float(best.g_cm_s),
+            "v_u_cm_s": float(best.v_u_cm_s),
+            "mean_cm_s": float(best.mean_cm_s),
+            "p_nc": float(best.p_nc),
+            "n_switches": best.n_switches,
+            "waveform": waveform_rows(best.waveform),
+        }
+    )
+    return said
 
 
 def read_standing(path: str) -> Standing:
     """Read the standing of the campaign at path, also while it is being written."""
     campaign = open_campaign(path)
+    best = campaign.best()
     return Standing(
         store=path,
         name=str(campaign.config["campaign"]["name"]),
         committed=campaign.committed,
         budget=campaign.budget,
         failed=int(campaign.records()["failed"].sum()) if campaign.committed else 0,
-        best=campaign.best(),
+        best=best,
+        limit=None if best is None else _limit(campaign.config, best),
     )
+
+
+def _limit(config: Mapping[str, Any], best: Best) -> Limit | None:
+    """The chance-constrained form's limit, judged on the best candidate's own ensemble."""
+    objective = config["objective"]
+    if objective["form"] != "chance":
+        return None
+    p = proportion(round(best.p_nc * best.n_switches), best.n_switches, objective["confidence"])
+    valid = config["population"]["sampling"] == "monte-carlo"
+    return limit_on(p, objective["p_max"], objective["confidence"], valid=valid)

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from softclose_workflows.tell.standing import Standing, waveform_to_json
+from softclose_workflows.tell.plain import waveform_rows
+from softclose_workflows.tell.standing import Standing
 
 
 def describe_waveform(rows: Sequence[Sequence[float | None]]) -> str:
@@ -75,4 +76,6 @@ def print_standing(standing: Standing) -> None:
         f"best: candidate {best.candidate}, g {best.g_cm_s:.2f} cm/s, v_u {best.v_u_cm_s:.2f} cm/s, "
         f"mean V {best.mean_cm_s:.2f} cm/s, p_nc {best.p_nc:.4f} on {best.n_switches} switches"
     )
-    console.print(describe_waveform(waveform_to_json(best.waveform)))
+    if standing.limit is not None:
+        console.print(standing.limit.sentence)
+    console.print(describe_waveform(waveform_rows(best.waveform)))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
 RECENT = 20
-"""Candidates that the rate and the time left are taken from."""
+"""Waves that the rate and the time left are taken from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,24 +49,27 @@ class View:
         return self.committed >= self.budget
 
 
-def pace(committed_at_s: Any, n_switches: Any, n_left: int) -> tuple[float, float]:
-    """(switches per second, seconds left) from the instants of the last commits and the sizes of their ensembles.
+def pace(committed_at_s: Any, n_switches: Any, wave: Any, n_left: int) -> tuple[float, float]:
+    """(switches per second, seconds left) from the last waves: instant of each commit, its switches, its wave.
 
-    Both (n,), the oldest first. A pause between two runs lies in one of the gaps, so gaps count by their median.
+    All (n,), the oldest first. The candidates of a wave share an instant; the time since the wave before is theirs. A
+    pause between two runs lies in one of the gaps, so gaps count by their median.
     """
-    at, sizes = np.asarray(committed_at_s, dtype=float)[-RECENT:], np.asarray(n_switches, dtype=float)[-RECENT:]
-    gaps = np.diff(at)
-    if gaps.size == 0:
+    at, sizes, waves = (np.asarray(values, dtype=float) for values in (committed_at_s, n_switches, wave))
+    first = np.flatnonzero(np.diff(waves, prepend=np.nan) != 0)[-RECENT:]
+    if first.size < 2:
         return math.nan, math.nan
-    typical = max(float(np.median(gaps)), 1e-6)
-    return float(np.mean(sizes[1:])) / typical, n_left * typical
+    gaps = np.maximum(np.diff(at[first]), 1e-6)
+    n_candidates = np.diff([*first[1:], len(at)])
+    n_simulated = np.add.reduceat(sizes, first)[1:]
+    return float(np.median(n_simulated / gaps)), n_left * float(np.median(gaps / n_candidates))
 
 
 def read_view(campaign: Campaign) -> View:
     """The view of a campaign as last refreshed."""
     records = campaign.records()
     n_left = campaign.budget - campaign.committed
-    rate, left = pace(records["wall_committed_unix_s"], records["n_switches"], n_left)
+    rate, left = pace(records["wall_committed_unix_s"], records["n_switches"], records["wave"], n_left)
     runs = campaign.runtime.get("runs") or [{}]
     holder = lock_holder(campaign.path)
     return View(

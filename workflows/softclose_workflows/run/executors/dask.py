@@ -1,33 +1,39 @@
-"""Owns the Dask executor: chunks on a cluster, local or one's own."""
+"""Owns the Dask executor: blocks on a cluster, local or one's own."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
 import queue
+import threading
 import time
 import uuid
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from softclose_workflows.errors import ChunkFailure, ExecutorError, Stopped
+from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run.executors.protocol import Event
-from softclose_workflows.run.tasks import ChunkResult, ChunkTask, run_chunk
+from softclose_workflows.run.faults import MAX_TRIES
+from softclose_workflows.run.tasks import BlockResult, BlockTask, run_block
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-    ChunkFuture = Future[ChunkResult]
+    BlockFuture = Future[BlockResult]
 
-MAX_TRIES = 3
-"""Workers that one chunk may kill before it is given up."""
+LIVE_PER_WORKER = 4
+"""Blocks sent ahead for each worker, so that none waits for the driver."""
+
+MOST_LIVE = 1000
+"""Blocks under way at once, at most: a scheduler keeps about 16 KiB for each."""
 
 SILENT = logging.CRITICAL + 1
 """A level above every message."""
 
 
 class DaskExecutor:
-    """Runs chunks on a Dask cluster through one client."""
+    """Runs blocks on a Dask cluster through one client."""
 
     def __init__(
         self, client: Client, dashboard: str | None, patience_s: float, refill: Callable[[int], Any] | None = None
@@ -35,7 +41,9 @@ class DaskExecutor:
         """`refill` starts workers until there are so many: a local cluster's own restarts give up on some deaths."""
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self._futures: dict[str, ChunkFuture] = {}
+        self._futures: dict[str, BlockFuture] = {}
+        self._waiting: deque[BlockTask] = deque()
+        self._feeding = threading.Lock()
         # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
         self._token = uuid.uuid4().hex[:8]
         self._last_alive = time.monotonic()
@@ -69,31 +77,55 @@ class DaskExecutor:
             self._last_alive = time.monotonic()
             self.n_retries += not message.get("expected", False)
 
-    def submit(self, task: ChunkTask) -> None:
-        """Send one chunk; its outcome arrives through `next_event`."""
-        key = f"chunk-{task.candidate}-{task.chunk}-{self._token}-{uuid.uuid4().hex[:6]}"
-        future = self._client.submit(run_chunk, task, key=key, pure=False)
+    @property
+    def has_finished(self) -> bool:
+        """True where a result waits to be asked for."""
+        return not self._events.empty()
+
+    def submit(self, task: BlockTask) -> None:
+        """Send one block, or keep it until fewer are under way; its outcome arrives through `next_event`."""
+        self._waiting.append(task)
+        self._feed()
+
+    def _feed(self) -> None:
+        """Send what there is room for: a scheduler remembers every task that it holds."""
+        with self._feeding:
+            room = min(max(LIVE_PER_WORKER * len(self._workers), LIVE_PER_WORKER), MOST_LIVE) - len(self._futures)
+            for _ in range(min(room, len(self._waiting))):
+                self._send(self._waiting.popleft())
+
+    def _send(self, task: BlockTask) -> None:
+        key = f"block-{task.stage}-{task.row}-{task.column}-{self._token}-{uuid.uuid4().hex[:6]}"
+        future = self._client.submit(run_block, task, key=key, pure=False)
         self._futures[key] = future
         future.add_done_callback(lambda done: self._finished(task, done))
 
-    def _finished(self, task: ChunkTask, future: ChunkFuture) -> None:
+    def _finished(self, task: BlockTask, future: BlockFuture) -> None:
         """Runs on Dask's callback thread."""
-        from distributed.scheduler import KilledWorker
-
-        outcome: ChunkResult | BaseException | None
-        if future.status == "finished":
-            # The data is in the store; nothing has to be fetched from a worker that may be gone by now.
-            outcome = ChunkResult(candidate=task.candidate, chunk=task.chunk, n_switches=task.stop - task.start)
-        elif future.status == "error":
-            outcome = future.exception()
-            if isinstance(outcome, KilledWorker):
-                outcome = ChunkFailure(f"it killed {MAX_TRIES + 1} workers in a row and was given up")
-        else:
-            outcome = Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
+        try:
+            outcome = self._outcome(task, future)
+        except BaseException as e:  # the thread is Dask's: what is raised here would be seen by nobody
+            outcome = e
         # Dask would compute a result again whose only holder died, for as long as someone holds its future.
         self._futures.pop(str(future.key), None)
-        if outcome is not None:
-            self._events.put((task, outcome))
+        self._events.put((task, outcome))
+        self._feed()
+
+    def _outcome(self, task: BlockTask, future: BlockFuture) -> BlockResult | BaseException:
+        from distributed.scheduler import KilledWorker
+
+        if future.status == "finished":
+            result: BlockResult = future.result(timeout=self._patience_s)
+            return result
+        failure: BaseException | None = future.exception() if future.status == "error" else None
+        if isinstance(failure, KilledWorker):
+            return Stopped(
+                f"{task.name} killed {MAX_TRIES + 1} workers in a row: too little memory for a block "
+                "(compute.block_switches), or a fault of the device model"
+            )
+        if failure is not None:
+            return failure
+        return Stopped(f"{task.name} was cancelled: the scheduler is gone, or dropped this client")
 
     def next_event(self, timeout_s: float) -> Event | None:
         """See `Executor.next_event`."""
@@ -119,7 +151,7 @@ def _configure() -> None:
     dask.config.set(
         {
             "distributed.scheduler.allowed-failures": MAX_TRIES,
-            # Chunks are long and few: stealing and work queueing buy nothing, a quick restart does.
+            # Blocks are long and few: stealing and work queueing buy nothing, a quick restart does.
             "distributed.comm.timeouts.connect": "10s",
             "distributed.deploy.lost-worker-timeout": "3s",
             "distributed.admin.log-format": "%(levelname)s %(message)s",
@@ -145,13 +177,17 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     _configure()
     from distributed import Client, LocalCluster
 
-    # Everything listens on loopback: a laptop in a café is no place for an open scheduler.
+    # Everything listens on loopback, and speaks TLS with certificates made for this run alone: whoever reaches a
+    # scheduler runs code as its user, and other users of this machine reach its loopback
+    # (docs/explanation/security.md).
     with (
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
+            protocol="tls://",
+            security=True,
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address=None,
             silence_logs=SILENT,

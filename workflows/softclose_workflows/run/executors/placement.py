@@ -38,6 +38,11 @@ class Placement:
         if sum(chosen) > 1:
             raise ExecutorError("--workers, --scheduler and --serial exclude each other; give one of them")
 
+    @property
+    def n_processes(self) -> int:
+        """Processes on this machine that compute; none where a scheduler has its own."""
+        return 0 if self.scheduler is not None else 1 if self.serial else self.workers or n_cores()
+
 
 @contextlib.contextmanager
 def open_executor(placement: Placement) -> Iterator[Executor]:
@@ -48,7 +53,7 @@ def open_executor(placement: Placement) -> Iterator[Executor]:
         with remote_cluster(placement.scheduler, placement.patience_s) as executor:
             yield executor
     else:
-        with local_cluster(placement.workers or n_cores(), placement.patience_s) as executor:
+        with local_cluster(placement.n_processes, placement.patience_s) as executor:
             yield executor
 
 

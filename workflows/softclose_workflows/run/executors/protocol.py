@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from softclose_workflows.run.tasks import ChunkResult, ChunkTask
+from softclose_workflows.run.tasks import BlockResult, BlockTask
 
-Event = tuple[ChunkTask, ChunkResult | BaseException]
+Event = tuple[BlockTask, BlockResult | BaseException]
 
 
 class Executor(Protocol):
-    """Runs chunk tasks; results come back in any order."""
+    """Runs block tasks; results come back in any order."""
 
     dashboard: str | None
     """Address of the dashboard, where there is one."""
@@ -25,12 +25,17 @@ class Executor(Protocol):
         """Workers connected now."""
         ...
 
-    def submit(self, task: ChunkTask) -> None:
-        """Start one chunk."""
+    @property
+    def has_finished(self) -> bool:
+        """True where `next_event` has something to hand back at once."""
+        ...
+
+    def submit(self, task: BlockTask) -> None:
+        """Start one block, now or when there is room for it."""
         ...
 
     def next_event(self, timeout_s: float) -> Event | None:
-        """The next finished chunk with its result or its failure, or None after timeout_s.
+        """The next finished block with its result or its failure, or None after timeout_s.
 
         Raises Stopped when the workers or the scheduler are gone.
         """

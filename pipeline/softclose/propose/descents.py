@@ -1,0 +1,97 @@
+"""Owns descents: runs of CMA-ES that are told a generation at a time, the library `cma` behind them.
+
+A run is a function of its start, of its random numbers and of what it was told. The latest state of each is kept as a
+cache only: what it was told is held against the records first, and where they differ it runs again from its start.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.propose.protocol import Problem
+from softclose.waveform.spaces import Space
+
+FloatArray = NDArray[np.float64]
+
+WORST_CM_S = 1e4
+"""What a failed candidate counts as: worse than any objective."""
+
+AGAIN = 0.4
+"""A run that has converged begins again around its mean, this much as wide as it began."""
+
+
+class Descent:
+    """One run of CMA-ES in the unit cube."""
+
+    def __init__(
+        self, space: Space, start: FloatArray, sigma: float, generation: int, draw: np.random.Generator
+    ) -> None:
+        self.told: list[FloatArray] = []
+        self._space = space
+        self._sigma, self._draw = sigma, draw
+        self._generation = generation
+        self._strategy = self._begin(start, sigma)
+        self._asked: FloatArray | None = None
+
+    def _begin(self, start: FloatArray, sigma: float) -> Any:
+        import cma  # imported where it is used: it is slow to import
+
+        widths = self._space.widths(start)
+        options: dict[str, Any] = {
+            "bounds": [0.0, 1.0],
+            "verbose": -9,
+            "seed": math.nan,  # no seeding of numpy's global generator: ours draws
+            "randn": lambda n, d: self._draw.standard_normal((n, d)),
+            "popsize": self._generation,
+            # A coordinate that begins in the tail of its axis is searched on the tail's scale.
+            "CMA_stds": widths,
+        }
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return cma.CMAEvolutionStrategy(np.clip(start, 0.01 * widths, 1.0 - 0.01 * widths), sigma, options)
+
+    def points(self) -> FloatArray:
+        """(generation, d) what it wants to know next; the same until it is told."""
+        if self._asked is None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if self._strategy.stop():
+                    mean = np.clip(np.asarray(self._strategy.mean), 0.0, 1.0)
+                    self._strategy = self._begin(mean, AGAIN * self._sigma)
+                self._asked = np.array(self._strategy.ask(), dtype=np.float64)
+        return self._asked
+
+    def tell(self, g: FloatArray) -> None:
+        """(generation,) the objective at `points` [cm/s]."""
+        asked = self.points()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._strategy.tell(list(asked), np.minimum(g, WORST_CM_S).tolist())
+        self.told.append(g)
+        self._asked = None
+
+    def go_on(self, least_sigma: float) -> None:
+        """Begin a new chapter, with the shape that it has learnt: on another ensemble, and at least so wide."""
+        self._strategy.sigma = max(float(self._strategy.sigma), least_sigma)
+        self._sigma = least_sigma
+        self.told, self._asked = [], None
+
+
+def continued(problem: Problem, key: Hashable, begin: Callable[[], Descent], told: Sequence[FloatArray]) -> Descent:
+    """The run `key` after the generations `told`, from the cache where that was told the same."""
+    run: Descent | None = problem.descents.get(key)
+    if run is None or len(run.told) > len(told) or any(map(_differ, run.told, told)):
+        run = problem.descents[key] = begin()
+    for g in told[len(run.told) :]:
+        run.tell(g)
+    return run
+
+
+def _differ(a: FloatArray, b: FloatArray) -> bool:
+    return a.tobytes() != b.tobytes()

@@ -1,0 +1,126 @@
+"""Owns exploring: CMA-ES descents from points of the design, on the search's ensemble, the better ones going on.
+
+Basins are narrow, and a descent ends in whichever it meets; a few hundred candidates tell which are worth finishing
+(ADR 033, 036). A wave is one generation of every descent whose turn it is: they are independent, and that is where the
+workers come from (ADR 037).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from softclose.propose.basins import distinct_basins
+from softclose.propose.descents import Descent, continued
+from softclose.propose.design import design_point
+from softclose.propose.ladder import Course, Ladder, build_ladder, courses, owner
+from softclose.propose.origins import EXPLORE, FALLBACK, SCOUT
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.waveform import Waveform
+
+FloatArray = NDArray[np.float64]
+
+
+def explore_ladder(problem: Problem) -> Ladder:
+    """The steps of the exploring stage. The first descent goes on from the best of the search, where there is one."""
+    s = problem.config.explore
+    return build_ladder(
+        s.budget,
+        n_descents=s.n_descents,
+        generation=s.generation,
+        n_scouts=s.n_scouts,
+        rounds=s.rounds,
+        turns=s.turns,
+        goes_on=problem.config.campaign.budget > 0,
+    )
+
+
+class ExploreEngine:
+    """Scouts of every descent, then their generations."""
+
+    def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
+        """Those of the ladder."""
+        return [step.size for step in explore_ladder(problem).steps]
+
+    def propose_wave(
+        self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
+    ) -> list[Proposal]:
+        """The scouts, or the next generation, of every descent whose turn it is."""
+        ladder = explore_ladder(problem)
+        begin = problem.config.campaign.budget
+        number = ladder.step_at(wave.start - begin)
+        turn = ladder.steps[number].turn
+        known, sharing = courses(ladder, turn, number, stage_g(history, begin, wave.start))
+        if ladder.steps[number].round < 0:
+            origin = SCOUT
+            points = np.array([_scout(problem, who, i) for who in sharing for i in range(ladder.n_scouts)])
+        else:
+            origin = EXPLORE
+            with threadpool_limits(limits=1):  # the order of a threaded sum would show in the last bits
+                runs = [descent(problem, ladder, who, known[who], history) for who in sharing]
+                points = np.concatenate([run.points() for run in runs])
+        waveforms = problem.space.waveforms(points[: wave.size])
+        return [Proposal(waveform=w, origin=origin, n_switches=wave.n_switches) for w in waveforms]
+
+
+def stage_g(history: Sequence[Observation], begin: int, end: int) -> FloatArray:
+    """(n,) g of the records from `begin` to before `end` [cm/s]; inf where a candidate has none or was not asked
+    for."""
+    return np.array(
+        [o.g_cm_s if o.usable and not o.origin.startswith(FALLBACK) else np.inf for o in history[begin:end]]
+    )
+
+
+def descent(problem: Problem, ladder: Ladder, who: int, course: Course, history: Sequence[Observation]) -> Descent:
+    """The run of one descent after its course so far, kept for its next generation."""
+    start = _start(problem, ladder, who, course, history)
+    return continued(problem, ("explore", who, start.tobytes()), lambda: _begin(problem, who, start), course.told)
+
+
+def past(
+    problem: Problem, history: Sequence[Observation], index: int
+) -> tuple[int, tuple[bytes, ...], Callable[[], Descent]] | None:
+    """Of a record that belongs to a descent: which one, all that decides its course, and how to run it again to its
+    end; None for a record of another kind, or of a descent without a generation."""
+    begin = problem.config.campaign.budget
+    place = index - begin
+    if not 0 <= place < problem.config.explore.budget:
+        return None
+    ladder = explore_ladder(problem)
+    g = stage_g(history, begin, begin + problem.config.explore.budget)
+    who = owner(ladder, place, g)
+    course = courses(ladder, who % ladder.turns, len(ladder.steps), g)[0][who]
+    if not course.told:
+        return None
+    start = _start(problem, ladder, who, course, history)
+
+    def run() -> Descent:
+        again = _begin(problem, who, start)
+        for values in course.told:
+            again.tell(values)
+        return again
+
+    return who, (start.tobytes(), *(values.tobytes() for values in course.told)), run
+
+
+def _start(problem: Problem, ladder: Ladder, who: int, course: Course, history: Sequence[Observation]) -> FloatArray:
+    """(d,) where a descent begins: at the best of the search, or at the best of its scouts."""
+    if ladder.goes_on and who == 0:
+        search = history[: problem.config.campaign.budget]
+        best = distinct_basins(problem, search, 1, problem.config.finish.distance)
+        if best:
+            return problem.space.unit(best[0].waveform, clip=True)
+    return _scout(problem, who, int(np.argmin(course.scouts)) if len(course.scouts) else 0)
+
+
+def _begin(problem: Problem, who: int, start: FloatArray) -> Descent:
+    settings = problem.config.explore
+    return Descent(problem.space, start, settings.sigma, settings.generation, problem.generator("descent", who))
+
+
+def _scout(problem: Problem, who: int, place: int) -> FloatArray:
+    """(d,) a point of the design from which a descent may start."""
+    return design_point(problem, who * problem.config.explore.n_scouts + place, "scout", who)

@@ -1,0 +1,62 @@
+"""Owns the plan of a campaign: its waves, from the configuration alone.
+
+Each stage says how many waves are in flight at once: a search sees all but the latest `campaign.lag` - 1; descents that
+take turns wait for their own latest wave; a polish waits for everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from softclose.propose.explore import explore_ladder
+from softclose.propose.protocol import Engine, EngineError, Problem, Wave, WaveEngine, load_engine
+
+SEARCH, EXPLORE, FINISH = "search", "explore", "finish"
+"""Stages of a campaign, in their order."""
+
+
+def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[Wave, ...]:
+    """The waves of a campaign, which cover `config.total_budget` candidates in order.
+
+    search: the search's engine; as a rule the one that the configuration names. Raises EngineError where the engine is
+    missing, or plans waves that do not make up its budget.
+    """
+    config = problem.config
+    waves: list[Wave] = []
+
+    def add(stage: str, sizes: list[int], n_switches: int, sees: Callable[[int], int]) -> None:
+        for size in sizes:
+            index = len(waves)
+            start = waves[-1].stop if waves else 0
+            waves.append(
+                Wave(index=index, stage=stage, start=start, size=size, n_switches=n_switches, sees=sees(index))
+            )
+
+    few, many = config.population.n_switches, config.finish.n_switches
+    lag = config.campaign.lag
+    add(
+        SEARCH,
+        _sizes(problem, search or config.optimiser.engine, config.campaign.budget),
+        few,
+        lambda w: max(w - lag + 1, 0),
+    )
+    first = len(waves)
+    steps = explore_ladder(problem).steps
+    add(EXPLORE, [step.size for step in steps], few, lambda w: first + steps[w - first].before + 1)
+    add(FINISH, _sizes(problem, FINISH, config.finish.budget), many, lambda w: w)
+    return tuple(waves)
+
+
+def _sizes(problem: Problem, who: str | Engine | WaveEngine, budget: int) -> list[int]:
+    if not budget:
+        return []
+    engine = load_engine(who) if isinstance(who, str) else who
+    if not isinstance(engine, WaveEngine):
+        each = problem.config.campaign.wave
+        return [min(each, budget - begin) for begin in range(0, budget, each)]
+    sizes = [int(size) for size in engine.wave_sizes(problem, budget)]
+    if sum(sizes) != budget or min(sizes) < 1:
+        raise EngineError(
+            f"engine {who!r} plans waves of {sizes}; they must be 1 or more each and {budget} in all (wave_sizes)"
+        )
+    return sizes

@@ -1,0 +1,1 @@
+"""Keeping a store whole: finding damage, repairing it, setting strays aside."""

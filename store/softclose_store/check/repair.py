@@ -1,0 +1,330 @@
+"""Owns repair: damaged files are written again from what produces them, and proved equal to what was there.
+
+What can be computed again: the root (from its copy and everything that remains), array metadata and population (from
+the configuration), blocks, proposals and records (pure functions, DESIGN §2), derived groups. Timings are lost. What
+does not belong to the store is moved out of it. The science comes in as callbacks: this package knows none.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from zarr.abc.store import Store
+
+from softclose_store.check.committed import remains
+from softclose_store.check.report import BlockOf, Report
+from softclose_store.check.restore import RepairStore
+from softclose_store.check.strays import set_aside
+from softclose_store.check.verify import PLAIN_GROUP, block_keys, read_backup, verify
+from softclose_store.disk.files import (
+    StorePath,
+    delete_key,
+    list_keys,
+    normalised,
+    open_files,
+    read_key,
+    write_key,
+)
+from softclose_store.disk.lock import DriverLock
+from softclose_store.disk.names import PARTIAL
+from softclose_store.errors import DamageError, StoreError
+from softclose_store.read.arrays import UNREADABLE, read_array
+from softclose_store.schema import digests
+from softclose_store.schema.hierarchy import HYPERPARAMETER, build_hierarchy, metadata_digest, population_columns
+from softclose_store.schema.layout import Layout
+from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, decode_root, runtime_text, write_root
+from softclose_store.write.block import check_block, forget_writer, marker_of, write_block
+from softclose_store.write.driver import DriverStore
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recompute:
+    """How to compute again what a store holds."""
+
+    population: Callable[[Mapping[str, Any]], Mapping[str, ArrayLike]]
+    """Configuration -> the columns D, G, E, T, K, M."""
+    times_us: Callable[[Mapping[str, Any]], ArrayLike]
+    """Configuration -> the time grid [µs]."""
+    waves: Callable[[Mapping[str, Any]], Sequence[int]]
+    """Configuration -> the sizes of all waves of the campaign, in order."""
+    proposals: Callable[[DriverStore, int, int], Sequence[Mapping[str, Any]]]
+    """(store, first candidate, size) of a wave -> its proposals, from the records before it: waveform, n_switches,
+    origin, note, surrogate."""
+    block: Callable[[DriverStore, str, int, int], Mapping[str, NDArray[Any]]]
+    """The arrays of (stage, i_block, j_block), from the proposals of its candidates."""
+    record: Callable[[DriverStore, int], Mapping[str, Any]]
+    """The result of a candidate, from its blocks."""
+    group: Callable[[str, str], bool] | None = None
+    """(path, name) of a derived group that is damaged -> True where it was written again (`write_group`, replace)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepairReport:
+    """What a repair did."""
+
+    proved: tuple[str, ...]
+    """Written again and equal, by digest, to what was there; or moved aside."""
+    unproved: tuple[str, ...]
+    """Written again, but nothing intact is left to compare it with; or lost (timings)."""
+    after: Report
+    """What `verify` finds now."""
+
+    @property
+    def ok(self) -> bool:
+        """True where the store is whole again."""
+        return self.after.ok
+
+
+@dataclass(slots=True)
+class _Log:
+    proved: list[str] = field(default_factory=list)
+    unproved: list[str] = field(default_factory=list)
+
+    def add(self, what: str, proved: bool) -> None:
+        (self.proved if proved else self.unproved).append(what)
+
+
+def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -> RepairReport:
+    """Write everything that is damaged again, prove it equal, and remove what a kill left behind.
+
+    Files that belong to nothing are moved into `<store>.strays`, beside the store.
+    Raises LockedError while a driver works on the store, DamageError where what was computed is not what was stored
+    (another processor or library version: the damaged bytes stay as they are).
+    """
+    report = verify(path)
+    log = _Log()
+    lock = DriverLock(path)
+    lock.acquire(break_lock=break_lock)
+    try:
+        if {p.kind for p in report.problems} & {"root", "schema", "static"}:
+            _repair_frame(path, recompute, log)
+    finally:
+        lock.release()
+    forget_writer(path)
+    with RepairStore(path, break_lock=break_lock) as store:
+        report = verify(path)  # again: what a damaged frame hid shows now
+        _repair_waves(store, recompute, report, log)
+        _remove_pending(store, report, log)
+    _repair_groups(path, recompute, verify(path), log)
+    strays = [p.key for p in verify(path).problems if p.kind == "unknown"]
+    for key, place in zip(strays, set_aside(path, strays), strict=True):
+        log.add(f"{key} does not belong to the store; it is now {place}", proved=True)
+    remove_orphans(path)
+    return RepairReport(proved=tuple(log.proved), unproved=tuple(log.unproved), after=verify(path))
+
+
+def remove_orphans(path: StorePath) -> list[str]:
+    """Delete the temporary files that a kill left behind; returns their keys. For stores that nobody is writing."""
+    files = open_files(path, read_only=False)
+    orphans = [key for key in list_keys(files) if key.endswith(PARTIAL)]
+    for key in orphans:
+        delete_key(files, key)
+    return orphans
+
+
+def _repair_frame(path: StorePath, recompute: Recompute, log: _Log) -> None:
+    """Root, its copy, runtime, array metadata and static arrays."""
+    where = normalised(path)
+    files = open_files(path, read_only=False)
+    try:
+        root: Root | None = decode_root(read_key(files, ROOT_KEY) or b"", where)
+    except StoreError:
+        root = None
+    source = root or read_backup(files, where)
+    if source is None:
+        raise DamageError(f"{where}: the root and its copy are both damaged; nothing says any more what this store is")
+    attributes = source.attributes
+    config = attributes["config"]
+    layout = Layout.from_dict(attributes["layout"], np.asarray(recompute.times_us(config), dtype=float))
+    built = build_hierarchy(
+        layout,
+        config=config,
+        fingerprint=source.fingerprint,
+        algorithm=source.algorithm,
+        population=population_columns(recompute.population(config), layout.n_switches),
+        runtime=_runtime(source),
+        durable=bool(attributes["durable"]),
+    )
+    fresh = decode_root(built[ROOT_KEY], where)
+    for name, expected in attributes["static_digests"].items():
+        if fresh.attributes["static_digests"].get(name) != expected:
+            raise DamageError(f"{where}: {name} computed again from the configuration is not what was stored")
+    same_metadata = metadata_digest(built) == attributes["metadata_digest"]
+    for key, content in built.items():
+        if key in (ROOT_KEY, BACKUP_KEY, RUNTIME_KEY) or read_key(files, key) == content:
+            continue
+        is_metadata = key.endswith("/zarr.json")
+        if is_metadata and not same_metadata:
+            raise DamageError(f"{where}: this version of zarr writes other metadata than the store's; use the same one")
+        if is_metadata or not _static_is_intact(files, key, attributes["static_digests"]):
+            write_key(files, key, content)
+            log.add(f"{key} written again", proved=True)
+    if root is None:
+        root = _rebuild_root(files, source, layout, recompute, where, log)
+    if read_key(files, RUNTIME_KEY) != runtime_text(root):
+        write_key(files, RUNTIME_KEY, runtime_text(root))
+        log.add(f"{RUNTIME_KEY} written again", proved=True)
+    if read_backup(files, where) is None:
+        write_key(files, BACKUP_KEY, root.committed(0, 0, ()).encode())
+        log.add(f"{BACKUP_KEY} written again", proved=True)
+
+
+def _rebuild_root(files: Store, source: Root, layout: Layout, recompute: Recompute, where: str, log: _Log) -> Root:
+    """The root with as many waves committed as everything that remains says: whole waves only."""
+    found = remains(files, layout, frozenset(list_keys(files)), where)
+    ends = list(accumulate(recompute.waves(source.attributes["config"])))
+    n_waves = sum(1 for end in ends if end <= found.n)
+    if n_waves < len(ends) and found.n > (ends[n_waves - 1] if n_waves else 0):
+        n_waves += 1  # a wave's first records were written after its blocks, so the wave can be completed
+    n = ends[n_waves - 1] if n_waves else 0
+    root = source.committed(n, n_waves, found.hyperparameters)
+    root = root.with_runtime(_runtime_on_disk(files) or _runtime(source))
+    write_root(files, root)
+    what = f"{ROOT_KEY} rebuilt with {n} committed candidates"
+    if not found.certain:
+        what += ": the most that any table says; a resume takes up whatever blocks there are beyond"
+    log.add(what, proved=found.certain)
+    return root
+
+
+def _runtime(root: Root) -> dict[str, Any]:
+    attributes: dict[str, Any] = root.metadata["runtime"]["attributes"]
+    return attributes
+
+
+def _runtime_on_disk(files: Store) -> dict[str, Any] | None:
+    try:
+        attributes = json.loads(read_key(files, RUNTIME_KEY) or b"")["attributes"]
+    except (ValueError, KeyError, TypeError):
+        return None
+    return attributes if isinstance(attributes, dict) else None
+
+
+def _static_is_intact(files: Store, key: str, expected: Mapping[str, str]) -> bool:
+    name = key.rpartition("/")[0]
+    if name == HYPERPARAMETER:
+        return True  # it grows: the driver writes it again from the root
+    try:
+        return read_key(files, key) is not None and digests.array_sha256(read_array(files, name)) == expected[name]
+    except UNREADABLE:
+        return False
+
+
+def _repair_waves(store: RepairStore, recompute: Recompute, report: Report, log: _Log) -> None:
+    """Proposals, blocks and records, in order of the waves: each needs those before it."""
+    kinds: dict[int, set[str]] = {}
+    for problem in report.problems:
+        if problem.candidate is not None:
+            kinds.setdefault(problem.candidate, set()).add(problem.kind)
+    blocks = set(report.damaged_blocks)
+    start = 0
+    for size in recompute.waves(store.config):
+        if start >= store.n_committed:
+            break
+        candidates = range(start, start + size)
+        stage, local = store.layout.stage_of(start)
+        rows = range(local // stage.block_candidates, -(-(local + size) // stage.block_candidates))
+        own = {block for block in blocks if block[0] == stage.name and block[1] in rows}
+        proposals = [i for i in candidates if "proposal" in kinds.get(i, ())]
+        if proposals:
+            again = recompute.proposals(store, start, size)
+            for i in proposals:
+                _repair_proposal(store, i, again[i - start], log)
+            own |= _not_stored(store, stage.name, start, size)
+        _repair_blocks(store, recompute, sorted(own), log)
+        for i in candidates:
+            if kinds.get(i, set()) & {"record", "proposal"}:
+                _repair_record(store, recompute, i, log)
+            if "timings" in kinds.get(i, ()):
+                store.restore_timings(i)
+                log.add(f"timings of candidate {i} are lost", proved=False)
+        start += size
+    names = [p.key for p in report.problems if p.kind == "static"]  # those that only grow: the frame has no others left
+    if kinds or names:
+        store.write_restored()
+    for key in names:
+        log.add(f"{key} written again", proved=True)
+
+
+def _repair_proposal(store: RepairStore, i: int, row: Mapping[str, Any], log: _Log) -> None:
+    stored = store.stored_digests(i)["proposal"]
+    found = store.restore_proposal(i, row)
+    if stored not in (0, found):
+        raise _differs(f"the proposal of candidate {i}")
+    log.add(f"proposal of candidate {i} computed again", proved=found == stored)
+
+
+def _not_stored(store: RepairStore, stage: str, start: int, size: int) -> set[BlockOf]:
+    """Blocks of a wave that are not stored under its proposals, now that these are whole again."""
+    blocks = store.wave_blocks(start, size)
+    expected = [store.proposals_digest(stage, i) for i, _ in blocks]
+    done = store.blocks_done(stage, blocks, expected)
+    return {(stage, i, j) for (i, j), is_done in zip(blocks, done, strict=True) if not is_done}
+
+
+def _repair_blocks(store: RepairStore, recompute: Recompute, blocks: Sequence[BlockOf], log: _Log) -> None:
+    """Nothing on the disk changes until the new marker equals the old one, where that is intact."""
+    proved = {}
+    files = open_files(store.path, read_only=False)
+    for stage, i, j in blocks:
+        before = store.markers(stage, [(i, j)])[i, j]
+        proposals = store.proposals_digest(stage, i)
+        arrays = recompute.block(store, stage, i, j)
+        values, n_switches = check_block(store.layout, stage, i, j, arrays)
+        found = marker_of(stage, i, j, values, n_switches, proposals)
+        proved[stage, i, j] = bool(np.array_equal(found, before))
+        if before.all() and int(before[0]) == proposals and not proved[stage, i, j]:
+            raise _differs(f"stage {stage}, block ({i}, {j})")
+        for key in block_keys(store.layout, stage, i, j):
+            delete_key(files, key)
+        write_block(store.path, stage, i, j, arrays, proposals)
+    for stage, i, j in blocks:
+        log.add(f"stage {stage}, block ({i}, {j}) computed again", proved[stage, i, j] or store.markers_match(stage, i))
+
+
+def _repair_record(store: RepairStore, recompute: Recompute, i: int, log: _Log) -> None:
+    stored = store.stored_digests(i)["record"]
+    found = store.restore_record(i, recompute.record(store, i), _wave_of(recompute.waves(store.config), i))
+    if stored not in (0, found):
+        raise _differs(f"the record of candidate {i}")
+    log.add(f"record of candidate {i} computed again", proved=found == stored)
+
+
+def _wave_of(sizes: Sequence[int], i: int) -> int:
+    return next(wave for wave, end in enumerate(accumulate(sizes)) if i < end)
+
+
+def _remove_pending(store: RepairStore, report: Report, log: _Log) -> None:
+    """Damaged blocks of candidates that are not committed go: a resume computes them again."""
+    files = open_files(store.path, read_only=False)
+    for stage, i, j in sorted({p.block for p in report.problems if p.kind == "pending" and p.block is not None}):
+        for key in reversed(list(block_keys(store.layout, stage, i, j))):
+            delete_key(files, key)
+        log.add(
+            f"stage {stage}, block ({i}, {j}), not committed and damaged, removed: resuming computes it", proved=True
+        )
+
+
+def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _Log) -> None:
+    """Derived groups: each is written again by whoever knows how; one that nobody knows stays as it is."""
+    files = open_files(path, read_only=False)
+    for problem in report.problems:
+        if problem.kind == "group" and problem.key:
+            write_key(files, problem.key, json.dumps(PLAIN_GROUP, indent=2).encode())
+            log.add(f"{problem.key} written again", proved=True)
+    for name in report.damaged_groups:
+        if recompute.group is not None and recompute.group(normalised(path), name):
+            log.add(f"group {name} computed again", proved=False)
+
+
+def _differs(what: str) -> DamageError:
+    return DamageError(
+        f"{what} computed again is not what was stored: repair it on the processor and with the versions that the "
+        "group `runtime` names"
+    )

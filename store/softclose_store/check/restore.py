@@ -1,0 +1,83 @@
+"""Owns what only a repair may do to a store: set committed values again, in memory, and write all tables at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from softclose_store.disk.files import StorePath
+from softclose_store.read.blocks import markers_digest
+from softclose_store.read.table import MARKERS
+from softclose_store.schema.fields import DIGESTS
+from softclose_store.schema.root import write_root
+from softclose_store.write.driver import Block, DriverStore
+from softclose_store.write.rows import (
+    ASSESSED,
+    PROPOSED,
+    check_names,
+    set_proposal,
+    set_result,
+    set_timings,
+    write_hyperparameters,
+    write_rows,
+)
+
+
+class RepairStore(DriverStore):
+    """A damaged store in the hands of its repair, under the driver's lock."""
+
+    def __init__(self, path: StorePath, *, break_lock: bool = False) -> None:
+        super().__init__(path, break_lock=break_lock, tolerate_damage=True)
+
+    def wave_blocks(self, start: int, size: int) -> list[Block]:
+        """All blocks of a committed wave."""
+        n_switches = max(self._table.n_switches(i) for i in range(start, start + size))
+        return self.layout.wave_blocks(start, size, n_switches)
+
+    def proposals_digest(self, stage: str, i_block: int) -> int:
+        """Digest of the proposals of one row of blocks, as the records have them."""
+        return self._table.block_proposals(self.layout.stage(stage), i_block)[0]
+
+    def stored_digests(self, i: int) -> dict[str, int]:
+        """Digests of the stored proposal, markers and record of candidate i; 0 where there is none."""
+        return dict(zip(DIGESTS, (int(digest) for digest in self._table.digests[i]), strict=True))
+
+    def candidate_markers(self, i: int) -> int:
+        """Digest of the markers of candidate i's blocks as they are on the disk: ties its record to its data."""
+        stage, local = self.layout.stage_of(i)
+        row = local // stage.block_candidates
+        blocks = [(row, j) for j in range(stage.blocks_of(self._table.n_switches(i)))]
+        return markers_digest(np.stack(list(self.markers(stage.name, blocks).values())), i)
+
+    def markers_match(self, stage: str, i_block: int) -> bool:
+        """True where the markers of a row of blocks are those that its candidates' records were written for."""
+        rows, first = self.layout.stage(stage).candidates(i_block), self.layout.first(stage)
+        candidates = range(first + rows.start, first + rows.stop)
+        return all(self.candidate_markers(i) == int(self._table.digests[i, MARKERS]) for i in candidates)
+
+    def restore_proposal(self, i: int, row: Mapping[str, Any]) -> int:
+        """Set the proposal of candidate i in memory only, for a repair; returns its digest."""
+        check_names(row, PROPOSED)
+        return set_proposal(self._table, i, row, self._hyperparameters)
+
+    def restore_record(self, i: int, row: Mapping[str, Any], wave: int) -> int:
+        """Set the record of candidate i in memory only, for a repair; returns its digest."""
+        check_names(row, ASSESSED)
+        return set_result(self._table, i, row, wave, self.candidate_markers(i))
+
+    def restore_timings(self, i: int) -> None:
+        """Set the timings of candidate i to nothing in memory, for a repair: they are lost."""
+        set_timings(self._table, i, {})
+
+    def write_restored(self) -> None:
+        """Write all tables and names of the committed candidates: the last step of a repair."""
+        self._lock.check()
+        write_hyperparameters(self._arrays, self._files, self._hyperparameters)
+        if self.n_committed:
+            write_rows(self._table, self._files, self._arrays, 0, self.n_committed)
+        if self._hyperparameters != self._root.attributes["hyperparameters"]:
+            root = self._root.committed(self.n_committed, self.n_waves, self._hyperparameters)
+            write_root(self._files, root)
+            self._root = root

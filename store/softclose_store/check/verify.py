@@ -1,0 +1,404 @@
+"""Owns finding damage: everything in a store is read and compared, and every file must belong to something."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from zarr.abc.store import Store
+
+from softclose_store.check.committed import remains
+from softclose_store.check.report import BlockOf, Kind, Problem, Report
+from softclose_store.disk.files import StorePath, list_keys, normalised, open_files, read_key
+from softclose_store.disk.lock import LOCK_KEY
+from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, PARTIAL, chunk_key
+from softclose_store.errors import DamageError, StoreError, StoreMissingError
+from softclose_store.groups import group_keys, group_problems, result_groups
+from softclose_store.read.arrays import UNREADABLE, read_array
+from softclose_store.read.blocks import BlockReader, markers_digest
+from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
+from softclose_store.schema import digests
+from softclose_store.schema.fields import N_SURROGATE, POPULATION
+from softclose_store.schema.hierarchy import (
+    HYPERPARAMETER,
+    MARKER,
+    STATIC_CHUNK,
+    TABLES,
+    metadata_digest,
+    stage_specs,
+    static_arrays,
+)
+from softclose_store.schema.layout import Layout, StageLayout
+from softclose_store.schema.root import (
+    BACKUP_KEY,
+    COMMITTED,
+    ROOT_KEY,
+    RUNTIME_KEY,
+    Root,
+    decode_root,
+    read_root,
+    runtime_text,
+)
+
+PLAIN_GROUP = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
+"""Metadata of a group that only holds result groups, such as `certification`."""
+
+OnBlock = Callable[[str, int, int], None]
+_CHANGING = ("n_committed", "n_waves", "hyperparameters", "root_digest")
+"""Attributes of the root that a commit changes: its copy has those of the creation."""
+
+
+@dataclass(slots=True)
+class _Check:
+    files: Store
+    where: str
+    on_block: OnBlock | None
+    keys: frozenset[str]
+    problems: list[Problem] = field(default_factory=list)
+    expected: set[str] = field(default_factory=set)
+    n_blocks: int = 0
+
+    def add(
+        self,
+        kind: Kind,
+        what: str,
+        *,
+        key: str = "",
+        candidate: int | None = None,
+        block: BlockOf | None = None,
+        group: str = "",
+    ) -> None:
+        self.problems.append(Problem(kind=kind, what=what, key=key, candidate=candidate, block=block, group=group))
+
+
+def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
+    """Read and compare everything in a store. on_block is told of each (stage, i_block, j_block) checked.
+
+    Raises StoreMissingError where there is no store, SchemaError for another schema; damage is reported, never raised.
+    """
+    where = normalised(path)
+    files = open_files(path, read_only=True)
+    keys = list_keys(files)
+    check = _Check(files, where, on_block, frozenset(keys))
+    root = _check_root(check)
+    n_committed = 0
+    if root is not None:
+        layout, usable = _check_schema(check, root)
+        n_committed = root.n_committed
+        if usable:
+            if "root" in {p.kind for p in check.problems} and not _reads(files, where):
+                n_committed = remains(files, layout, check.keys, where).n
+            _check_hyperparameters(check, root)
+            _check_candidates(check, n_committed, layout)
+        _check_groups(check, root.metadata)
+        if usable:  # without a schema nothing says what belongs here
+            _check_files(check, keys, layout, n_committed)
+    return Report(
+        path=where,
+        n_committed=n_committed,
+        n_blocks=check.n_blocks,
+        problems=tuple(check.problems),
+        orphans=tuple(key for key in keys if key.endswith(PARTIAL)),
+    )
+
+
+def _reads(files: Store, where: str) -> bool:
+    try:
+        read_root(files, where)
+    except (DamageError, StoreMissingError):
+        return False
+    return True
+
+
+def _check_root(check: _Check) -> Root | None:
+    """The root, or what is left of it; None where nothing is."""
+    check.expected |= {ROOT_KEY, BACKUP_KEY, RUNTIME_KEY, LOCK_KEY}
+    try:
+        root = read_root(check.files, check.where)
+    except (DamageError, StoreMissingError) as e:
+        backup = read_backup(check.files, check.where)
+        if backup is None:
+            if isinstance(e, StoreMissingError):
+                raise
+            check.add("root", f"{e}; its copy is damaged too", key=ROOT_KEY)
+            return None
+        check.add("root", str(e), key=ROOT_KEY)
+        return backup
+    if digests.fingerprint_of(root.attributes["config"]) != root.fingerprint:
+        check.add("root", "the fingerprint is not that of the stored configuration", key=ROOT_KEY)
+    backup = read_backup(check.files, check.where)
+    if backup is None or _identity(backup) != _identity(root):
+        check.add("root", f"{BACKUP_KEY} is not what was written", key=BACKUP_KEY)
+    if read_key(check.files, RUNTIME_KEY) != runtime_text(root):
+        check.add("root", f"{RUNTIME_KEY} is not what was written", key=RUNTIME_KEY)
+    return root
+
+
+def _identity(root: Root) -> dict[str, Any]:
+    return {name: value for name, value in root.attributes.items() if name not in _CHANGING}
+
+
+def read_backup(files: Store, where: str) -> Root | None:
+    """The root as it was created; None where that copy is damaged too."""
+    try:
+        return decode_root(read_key(files, BACKUP_KEY) or b"", where)
+    except (DamageError, StoreMissingError):
+        return None
+
+
+def _check_schema(check: _Check, root: Root) -> tuple[Layout, bool]:
+    """Metadata of every array, then the static arrays; the layout, and whether data can be read by it."""
+    data = root.attributes["layout"]
+    layout = Layout.from_dict(data, np.arange(float(data["n_times"])))
+    usable = _check_metadata(check, root, layout)
+    for name in static_arrays(layout, {column: np.zeros(layout.n_switches) for column in POPULATION}):
+        parts = {chunk_key(name, i) for i in range(-(-root.metadata[name]["shape"][0] // STATIC_CHUNK))}
+        check.expected |= parts
+        for key in sorted(parts - check.keys):
+            check.add("static", f"{key} is missing", key=key)
+        if not parts <= check.keys:
+            continue
+        try:
+            values = read_array(check.files, name)
+        except UNREADABLE as e:
+            check.add("static", f"{name} cannot be read: {e}", key=chunk_key(name, 0))
+            continue
+        if digests.array_sha256(values) != root.attributes["static_digests"].get(name):
+            check.add("static", f"{name} is not what was written", key=chunk_key(name, 0))
+    return layout, usable
+
+
+def _check_metadata(check: _Check, root: Root, layout: Layout) -> bool:
+    names = [name for name in root.metadata if name != "runtime"]
+    contents = {f"{name}/zarr.json": read_key(check.files, f"{name}/zarr.json") or b"" for name in names}
+    check.expected |= set(contents)
+    if metadata_digest(contents) == root.attributes["metadata_digest"]:
+        return True
+    different = [key for key in contents if not _same_metadata(contents[key], key.rpartition("/")[0], root, layout)]
+    for key in different or contents:
+        check.add("schema", f"{key} is not what was written", key=key)
+    return False
+
+
+def _same_metadata(content: bytes, name: str, root: Root, layout: Layout) -> bool:
+    """An array's own metadata against the root's copy, whose candidate length is the committed one."""
+    entry = {key: value for key, value in root.metadata[name].items() if key != "consolidated_metadata"}
+    dimension = (entry.get("dimension_names") or [None])[0]
+    if dimension in COMMITTED:
+        stage_name = name.rpartition("/")[0]
+        capacity = {
+            "candidate": lambda: layout.n_candidates,
+            "stage_candidate": lambda: layout.stage(stage_name).n_candidates,
+            "block_candidate": lambda: layout.stage(stage_name).n_block_candidates,
+        }[dimension]()
+        entry["shape"] = [capacity, *entry["shape"][1:]]
+    try:
+        own = json.loads(content)
+    except ValueError:
+        return False
+    own = {key: value for key, value in own.items() if key != "consolidated_metadata"} if isinstance(own, dict) else {}
+    return bool(own == entry)
+
+
+def _check_hyperparameters(check: _Check, root: Root) -> None:
+    key = chunk_key(HYPERPARAMETER, 0)
+    check.expected.add(key)
+    names = list(root.attributes["hyperparameters"])
+    try:
+        found = [str(name) for name in read_array(check.files, HYPERPARAMETER)] if key in check.keys else []
+    except UNREADABLE:
+        found = []
+    # A commit that was killed has written the names that it would have added.
+    if len(found) != N_SURROGATE or found[: len(names)] != names:
+        check.add("static", f"{key} is not what was written", key=key)
+
+
+def _check_candidates(check: _Check, n: int, layout: Layout) -> None:
+    table = Table(layout, layout.n_candidates)
+    table.load(check.files, n, check.where, tolerate_damage=True)
+    # A missing file reads as fill values, which can equal what was written: it is damage all the same.
+    for name in TABLES:
+        for i_chunk in range(table.chunks_of(n)):
+            key = chunk_key(name, i_chunk, 0)
+            missing = key not in check.keys
+            if missing or (name, i_chunk) in table.damaged:
+                fate = "is missing" if missing else "cannot be read"
+                rows = table.rows(i_chunk)
+                for i in range(rows.start, min(rows.stop, n)):
+                    _add_lost(check, name, f"{key}, with candidate {i}, {fate}", key, i)
+    for i in range(n):
+        _check_record(check, table, i)
+    reader = BlockReader(check.files, layout)
+    for stage in layout.stages:
+        n_stage = layout.committed_of(stage, n)
+        for i in range(-(-n_stage // stage.block_candidates)):
+            _check_row_of_blocks(check, table, reader, stage, i)
+        _check_pending(check, reader, layout, stage, n_stage)
+
+
+def _add_lost(check: _Check, table: str, what: str, key: str, i: int) -> None:
+    kinds: dict[str, tuple[Kind, ...]] = {
+        "records": ("proposal", "record"),
+        "words": ("proposal", "record"),
+        "digests": ("proposal", "record"),
+        "surrogate": ("proposal",),
+        "wall_times": ("timings",),
+    }
+    for kind in kinds[table]:
+        check.add(kind, what, key=key, candidate=i)
+
+
+def _check_record(check: _Check, table: Table, i: int) -> None:
+    if int(table.digests[i, PROPOSAL]) != table.proposal_digest(i):
+        check.add("proposal", f"the proposal of candidate {i} is not what was written", candidate=i)
+    if int(table.digests[i, RECORD]) != table.record_digest(i):
+        check.add("record", f"the record of candidate {i} is not what was written", candidate=i)
+    if table.wall_times[i, N_WALL] != table.wall_check(i):
+        check.add("timings", f"the timings of candidate {i} are not what was written", candidate=i)
+
+
+def _check_row_of_blocks(check: _Check, table: Table, reader: BlockReader, stage: StageLayout, i: int) -> None:
+    """All blocks of some committed candidates against their markers, and these against the records."""
+    first = table.layout.first(stage.name)
+    candidates = range(first + stage.candidates(i).start, first + stage.candidates(i).stop)
+    damaged = {p.candidate for p in check.problems if p.kind in ("proposal", "record")}
+    intact = [k for k in candidates if k not in damaged]
+    # A damaged proposal does not say what the blocks should be of: their markers are believed, and compared with the
+    # records of the others. Where none is intact, not even their number is known: those that are there are checked.
+    proposals, n_switches = table.block_proposals(stage, i)
+    trusted = len(intact) == len(candidates)
+    if not trusted:
+        n_switches = max((table.n_switches(k) for k in intact), default=0)
+    columns = [
+        j
+        for j in range(stage.n_block_switches)
+        if (
+            j < stage.blocks_of(n_switches)
+            if n_switches
+            else check.keys & set(block_keys(table.layout, stage.name, i, j))
+        )
+    ]
+    before = len(check.problems)
+    for j in columns:
+        block = (stage.name, i, j)
+        keys = list(block_keys(table.layout, *block))
+        check.expected |= set(keys)
+        for key in keys:
+            if key not in check.keys:
+                check.add("block", f"{key} is missing", key=key, block=block)
+        _check_block(check, reader, block, proposals if trusted else None, "block")
+    if len(check.problems) > before or not intact:
+        return
+    markers = np.stack([reader.marker(stage.name, i, j) for j in columns])
+    for k in intact:
+        if markers_digest(markers, k) != int(table.digests[k, MARKERS]):
+            for j in range(len(markers)):
+                what = f"the marker of block ({i}, {j}) of stage {stage.name} is not that of candidate {k}'s record"
+                check.add(
+                    "block", what, key=list(block_keys(table.layout, stage.name, i, j))[-1], block=(stage.name, i, j)
+                )
+            return
+
+
+def _check_block(check: _Check, reader: BlockReader, block: BlockOf, proposals: int | None, kind: Kind) -> None:
+    check.n_blocks += 1
+    stage, i, j = block
+    for problem in reader.problems(stage, i, j, proposals):
+        check.add(kind, f"stage {stage}, block ({i}, {j}): {problem}", block=block)
+    if check.on_block is not None:
+        check.on_block(stage, i, j)
+
+
+def _check_pending(check: _Check, reader: BlockReader, layout: Layout, stage: StageLayout, n_stage: int) -> None:
+    """Blocks that are marked and not committed: a run that was killed goes on from them."""
+    prefix = f"{stage.name}/{MARKER.name}/"
+    for key in sorted(check.keys):
+        i, j = _indices(key)[:2] if key.startswith(prefix) else (-1, -1)
+        inside = n_stage <= i * stage.block_candidates < stage.n_candidates and 0 <= j < stage.n_block_switches
+        if inside and key == chunk_key(prefix.rstrip("/"), i, j, 0):
+            _check_block(check, reader, (stage.name, i, j), None, "pending")
+
+
+def _indices(key: str) -> list[int]:
+    """Indices in the key of a chunk, -1 for what is no number."""
+    parts = key.rpartition("/")[2].split(CHUNK_KEY_SEPARATOR)[1:]
+    indices = [int(part) if part.isascii() and part.isdigit() and str(int(part)) == part else -1 for part in parts]
+    return indices if len(indices) >= 2 else [-1, -1]
+
+
+def block_keys(layout: Layout, stage: str, i: int, j: int) -> Iterator[str]:
+    """Keys of all files of one block, its marker last."""
+    for spec in stage_specs(layout):
+        yield chunk_key(f"{stage}/{spec.name}", i, j, *([0] * (len(spec.dims) - 2)))
+
+
+def _check_groups(check: _Check, own_names: Collection[str]) -> None:
+    """Result groups, those included whose own metadata is lost: their arrays say that they were there."""
+    found = result_groups(check.files)
+    lost = [name for name in _lost_groups(check, own_names) if name not in found]
+    for name in found:
+        try:
+            check.expected |= set(group_keys(check.files, name))
+        except StoreError:
+            check.expected.add(f"{name}/zarr.json")  # its foreign names are among its problems
+        for problem in group_problems(check.files, name):
+            check.add("group", problem, group=name)
+    for name in lost:
+        check.expected |= {key for key in check.keys if key.startswith(f"{name}/") and not key.endswith(PARTIAL)}
+        check.add("group", f"{name}/zarr.json is lost or not what was written", group=name)
+    for name in (*found, *lost):
+        parts = name.split("/")
+        for n in range(1, len(parts)):
+            key = f"{'/'.join(parts[:n])}/zarr.json"
+            check.expected.add(key)
+            if not _is_plain_group(read_key(check.files, key)):
+                check.add("group", f"{key} is not what was written", key=key)
+
+
+def _lost_groups(check: _Check, own_names: Collection[str]) -> list[str]:
+    own = {name.partition("/")[0] for name in own_names}
+    names = set()
+    for key in check.keys:
+        array = key.removesuffix("/zarr.json")
+        name = array.rpartition("/")[0]
+        if array != key and name and key.partition("/")[0] not in own and _node_type(check, key) == "array":
+            names.add(name)
+    return sorted(names)
+
+
+def _node_type(check: _Check, key: str) -> str:
+    try:
+        return str(json.loads(read_key(check.files, key) or b"").get("node_type"))
+    except (ValueError, AttributeError):
+        return ""
+
+
+def _check_files(check: _Check, keys: list[str], layout: Layout, n: int) -> None:
+    """Every file must belong to something."""
+    check.expected |= {chunk_key(name, i, 0) for name in TABLES for i in range(layout.n_table_chunks)}
+    for key in keys:
+        if key in check.expected or key.endswith(PARTIAL) or _may_be_pending(layout, key, n):
+            continue
+        check.add("unknown", f"{key} does not belong to this store", key=key)
+
+
+def _may_be_pending(layout: Layout, key: str, n: int) -> bool:
+    """True for a chunk of a block of candidates that are not committed yet."""
+    parts = key.split("/")
+    if len(parts) != 3 or parts[0] not in {stage.name for stage in layout.stages}:
+        return False
+    stage = layout.stage(parts[0])
+    i, j = _indices(key)[:2]
+    inside = layout.committed_of(stage, n) <= i * stage.block_candidates < stage.n_candidates
+    return inside and 0 <= j < stage.n_block_switches and key in set(block_keys(layout, stage.name, i, j))
+
+
+def _is_plain_group(content: bytes | None) -> bool:
+    try:
+        document = json.loads(content or b"")
+    except ValueError:
+        return False
+    return bool(document == PLAIN_GROUP)

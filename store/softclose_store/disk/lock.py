@@ -1,0 +1,193 @@
+"""Owns the one-driver rule: a lock that a crash releases, and a message that says whose it is.
+
+On local paths the lock is `flock` on a file; its text says who holds it. The kernel releases it when the holder dies,
+however it dies. Behind a URL there is only the text: a holder that died on this host is recognised, any other must be
+broken by hand.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import getpass
+import json
+import os
+import socket
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from softclose_store.disk.files import StorePath, delete_key, local_path, normalised, open_files, read_key, write_key
+from softclose_store.disk.processes import boot_id, process_is_alive, process_start
+from softclose_store.errors import LockedError
+
+LOCK_KEY = "digests/driver.lock"
+"""Inside an array's folder: Zarr looks for members in groups only, and warns of files that it does not know there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Holder:
+    """Who holds a store."""
+
+    host: str
+    """Host name."""
+    pid: int
+    """Process on that host."""
+    started: str
+    """Its start in clock ticks since boot: pids are reused."""
+    boot: str
+    """Identity of the host's boot."""
+    user: str
+    """User name."""
+    since: str
+    """When the lock was taken, ISO 8601."""
+
+    @classmethod
+    def this_process(cls) -> Holder:
+        """The calling process."""
+        try:
+            user = getpass.getuser()
+        except (KeyError, OSError):
+            user = "?"
+        return cls(
+            host=socket.gethostname(),
+            pid=os.getpid(),
+            started=process_start(os.getpid()),
+            boot=boot_id(),
+            user=user,
+            since=datetime.now(UTC).isoformat(timespec="seconds"),
+        )
+
+    @classmethod
+    def parse(cls, text: bytes | None) -> Holder | None:
+        """Who wrote a lock; None where the text is none or unreadable."""
+        try:
+            data = json.loads(text or b"")
+            return cls(**data)
+        except (ValueError, TypeError):
+            return None
+
+    @property
+    def is_dead(self) -> bool:
+        """True where the holder certainly runs no more: it was on this host, and is not any longer."""
+        if self.host != socket.gethostname():
+            return False
+        if self.boot and boot_id() and self.boot != boot_id():
+            return True
+        if not process_is_alive(self.pid):
+            return True
+        return bool(self.started and process_start(self.pid) and self.started != process_start(self.pid))
+
+    def __str__(self) -> str:
+        return f"process {self.pid} of {self.user} on {self.host}, since {self.since}"
+
+
+class DriverLock:
+    """The lock of one store, held from `acquire` to `release`."""
+
+    def __init__(self, path: StorePath) -> None:
+        self._where = normalised(path)
+        local = local_path(path)
+        self._file: Path | None = None if local is None else Path(self._where) / LOCK_KEY
+        self._files = None if self._file is not None else open_files(path, read_only=False)
+        self._descriptor: int | None = None
+        self._text = b""
+
+    def acquire(self, *, break_lock: bool = False) -> None:
+        """Take the lock; raises LockedError where a live driver holds it. break_lock takes it anyway."""
+        self._text = json.dumps(asdict(Holder.this_process())).encode()
+        if self._file is not None:
+            self._acquire_local(self._file, break_lock)
+            return
+        assert self._files is not None
+        content = read_key(self._files, LOCK_KEY)
+        holder = Holder.parse(content)
+        if content and not break_lock and (holder is None or not holder.is_dead):
+            raise self._refusal(holder)
+        write_key(self._files, LOCK_KEY, self._text)
+        if read_key(self._files, LOCK_KEY) != self._text:  # another driver took it in the same instant
+            raise self._refusal(Holder.parse(read_key(self._files, LOCK_KEY)))
+
+    def _acquire_local(self, file: Path, break_lock: bool) -> None:
+        if break_lock:
+            with contextlib.suppress(FileNotFoundError):
+                file.unlink()  # a new file is a new lock; the old holder keeps one that nobody looks at
+        while True:
+            descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+            if not _lock(descriptor):
+                holder = Holder.parse(os.read(descriptor, 4096))
+                os.close(descriptor)
+                raise self._refusal(holder)
+            if _same_file(descriptor, file):
+                break
+            os.close(descriptor)  # the file was replaced between opening and locking it
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, self._text, 0)
+        self._descriptor = descriptor
+
+    def still_held(self) -> bool:
+        """False once somebody has broken the lock."""
+        if self._file is not None:
+            return self._descriptor is not None and _same_file(self._descriptor, self._file)
+        assert self._files is not None
+        return read_key(self._files, LOCK_KEY) == self._text
+
+    def check(self) -> None:
+        """Raise LockedError once somebody has broken the lock: the store is theirs now."""
+        if not self.still_held():
+            raise LockedError(f"the lock of {self._where} was broken: another driver works on the store now")
+
+    def release(self) -> None:
+        """Give the lock back; one that was broken is left to its new holder."""
+        if self._file is not None:
+            if self._descriptor is not None:
+                if _same_file(self._descriptor, self._file):
+                    self._file.unlink(missing_ok=True)
+                os.close(self._descriptor)
+                self._descriptor = None
+        elif self._files is not None and self.still_held():
+            delete_key(self._files, LOCK_KEY)
+
+    def _refusal(self, holder: Holder | None) -> LockedError:
+        whose = "somebody" if holder is None else str(holder)
+        fate = ""
+        if holder is not None and holder.is_dead:
+            fate = " (that process is gone; one of its children still holds the lock)"
+        return LockedError(
+            f"{self._where} is being driven by {whose}{fate}; a store has one driver at a time: wait for it, or, if "
+            "you are sure that it is gone, take the store with --break-lock"
+        )
+
+
+def lock_holder(path: StorePath) -> Holder | None:
+    """Who drives a store now; None where nobody does. Takes nothing and waits for nothing."""
+    local = local_path(path)
+    if local is None:
+        holder = Holder.parse(read_key(open_files(path, read_only=True), LOCK_KEY))
+        return None if holder is None or holder.is_dead else holder
+    try:
+        holder = Holder.parse((local / LOCK_KEY).read_bytes())
+    except OSError:
+        return None
+    return None if holder is None or holder.is_dead else holder
+
+
+def _same_file(descriptor: int, file: Path) -> bool:
+    try:
+        there, here = os.stat(file), os.fstat(descriptor)
+    except OSError:
+        return False
+    return (there.st_dev, there.st_ino) == (here.st_dev, here.st_ino)
+
+
+def _lock(descriptor: int) -> bool:
+    """True where the lock was free. Without flock (Windows) the text alone decides, as behind a URL."""
+    try:
+        import fcntl
+    except ImportError:
+        holder = Holder.parse(os.read(descriptor, 4096))
+        return holder is None or holder.is_dead
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

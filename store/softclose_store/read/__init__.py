@@ -1,0 +1,1 @@
+"""Reading a campaign: the reader's view, lazy rows, and blocks against their markers."""

@@ -1,0 +1,336 @@
+"""Owns reading: a campaign as typed, lazy, read-only values, committed candidates only, also while a run writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from softclose_store.disk.files import StorePath, local_path, normalised, open_files
+from softclose_store.errors import DamageError, StoreError
+from softclose_store.read.arrays import UNREADABLE, layout_of, read_array
+from softclose_store.read.rows import LazyRows
+from softclose_store.read.table import Table
+from softclose_store.schema.fields import PARAMETERS, POPULATION, QUANTITIES, limit_texts
+from softclose_store.schema.layout import Layout
+from softclose_store.schema.root import Root, read_root
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Best:
+    """The best candidate so far."""
+
+    candidate: int
+    """Its index."""
+    g_cm_s: float
+    """Objective [cm/s]."""
+    v_u_cm_s: float
+    """Upper velocity [cm/s]; NaN where undefined."""
+    mean_cm_s: float
+    """Mean contact speed [cm/s]."""
+    p_nc: float
+    """Fraction not closed at the horizon."""
+    n_switches: int
+    """Switches that it was evaluated on."""
+    waveform: FloatArray
+    """(n_pulse, 4): start, rise, peak [µs] (inf where it holds) and volts."""
+    record: Mapping[str, Any]
+    """Every per-candidate value stored for it, by name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trajectories:
+    """x(t) and v(t) of every switch of one candidate, read when indexed."""
+
+    times_us: FloatArray
+    """(n_times,) [µs]."""
+    x: LazyRows
+    """(n_switches, n_times) float32, travel [µm]."""
+    v: LazyRows
+    """(n_switches, n_times) float32, velocity [µm/µs]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredResponses:
+    """Per-switch results of one candidate, (n_switches,) each; `softclose.assess` accepts it."""
+
+    max_contact_speed: FloatArray
+    """Largest contact speed [µm/µs]; NaN where it never touched."""
+    first_contact_us: FloatArray
+    """First contact [µs]; inf where never."""
+    settling_us: FloatArray
+    """Instant from which it is held [µs]; inf where it is not closed."""
+    n_impacts: NDArray[np.int32]
+    """Number of impacts."""
+    final_x: FloatArray
+    """Travel at the horizon [µm]."""
+    final_v: FloatArray
+    """Velocity at the horizon [µm/µs]."""
+    closed: NDArray[np.bool_]
+    """Held in contact at the horizon."""
+    status: NDArray[np.int8]
+    """0 where it was integrated; -1 where it was never simulated (a failed candidate)."""
+    impact_time_us: LazyRows | None
+    """(n_switches, max_impacts) [µs], NaN beyond the last; None where none are kept."""
+    impact_speed: LazyRows | None
+    """(n_switches, max_impacts) [µm/µs]."""
+
+
+class Campaign:
+    """A read-only view of one store, as of the instant it was opened; `refresh` looks again."""
+
+    def __init__(self, path: StorePath) -> None:
+        self.path = normalised(path)
+        self._files = open_files(path, read_only=True)
+        self._root: Root
+        self._records: dict[str, NDArray[Any]] = {}
+        self._arrays: dict[str, zarr.Array[Any]] = {}
+        self.layout: Layout
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Look at the store again: sees what was committed since."""
+        self._root = read_root(self._files, self.path)
+        self.layout = layout_of(self._files, self._root)
+        self._records = {}
+        self._arrays = {}
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The campaign's configuration."""
+        config: dict[str, Any] = self._root.attributes["config"]
+        return config
+
+    @property
+    def fingerprint(self) -> str:
+        """sha256 of the configuration's canonical JSON."""
+        return self._root.fingerprint
+
+    @property
+    def algorithm(self) -> str:
+        """Version of the algorithms that the campaign was begun with: the other half of its identity."""
+        return self._root.algorithm
+
+    @property
+    def schema_version(self) -> int:
+        """Version of the store's schema."""
+        return int(self._root.attributes["softclose_schema"])
+
+    @property
+    def budget(self) -> int:
+        """Candidates of the whole campaign."""
+        return self.layout.n_candidates
+
+    @property
+    def committed(self) -> int:
+        """Committed candidates."""
+        return self._root.n_committed
+
+    n_committed = committed
+
+    @property
+    def n_waves(self) -> int:
+        """Committed waves."""
+        return self._root.n_waves
+
+    @property
+    def stages(self) -> dict[str, int]:
+        """Committed candidates of each stage, by name, in order."""
+        return {s.name: self.layout.committed_of(s, self.committed) for s in self.layout.stages}
+
+    def stage_of(self, i: int) -> str:
+        """Name of the stage that a candidate belongs to."""
+        return self.layout.stage_of(i)[0].name
+
+    @property
+    def finished(self) -> bool:
+        """True where every candidate is committed."""
+        return self.committed == self.budget
+
+    @property
+    def runtime(self) -> dict[str, Any]:
+        """Who ran the campaign, when, on what and with which versions."""
+        attributes: dict[str, Any] = self._root.metadata["runtime"]["attributes"]
+        return attributes
+
+    @property
+    def times_us(self) -> FloatArray:
+        """Time grid of the trajectories [µs]; empty where none are stored."""
+        return self.layout.times_us
+
+    def records(self) -> dict[str, NDArray[Any]]:
+        """Every value of the committed candidates, by name, (committed, …) each.
+
+        waveform is (committed, n_pulses, 4) with rows of NaN for absent pulses, p_exceed and its intervals
+        (committed, n_limits); what the surrogate believed is called `surrogate.<name>`, NaN where it did not say.
+        """
+        if not self._records:
+            table = Table(self.layout, self.committed)
+            table.load(self._files, self.committed, self.path)
+            self._records = table.columns(self.committed, self._root.attributes["hyperparameters"])
+        return self._records
+
+    def _array(self, name: str) -> zarr.Array[Any]:
+        """An array at full capacity: what is read of it is committed, which `_check` sees to."""
+        if name not in self._arrays:
+            target: Any = self.path if local_path(self.path) is None else local_path(self.path)
+            try:
+                self._arrays[name] = zarr.open_array(target, path=name, mode="r")
+            except UNREADABLE as e:
+                raise DamageError(
+                    f"{name} of {self.path} cannot be opened ({type(e).__name__}: {e}): run `softclose verify`"
+                ) from e
+        return self._arrays[name]
+
+    def _check(self, i: int) -> int:
+        if isinstance(i, bool) or not isinstance(i, int | np.integer) or not 0 <= i < self.committed:
+            raise StoreError(f"candidate {i!r} is not committed; {self.path} has {self.committed}, counted from 0")
+        return int(i)
+
+    def best(self, n_switches: int | None = None, *, stage: str | None = None) -> Best | None:
+        """The candidate of smallest g, None where no candidate has one.
+
+        Values of g from ensembles of different sizes do not compare (small ones flatter their optimum), so only
+        candidates of n_switches switches count: by default the most that any candidate with a g has. Ties: the first.
+        stage: only candidates of this stage.
+        """
+        records = self.records()
+        usable = ~records["failed"] & np.isfinite(records["g_cm_s"])
+        if stage is not None:
+            first = self.layout.first(stage)
+            indices = np.arange(self.committed)
+            usable &= (indices >= first) & (indices < first + self.layout.stage(stage).n_candidates)
+        sizes = records["n_switches"]
+        if n_switches is None:
+            n_switches = int(sizes[usable].max()) if usable.any() else 0
+        usable &= sizes == n_switches
+        if not usable.any():
+            return None
+        i = int(np.argmin(np.where(usable, records["g_cm_s"], np.inf)))
+        return Best(
+            candidate=i,
+            g_cm_s=float(records["g_cm_s"][i]),
+            v_u_cm_s=float(records["v_u_cm_s"][i]),
+            mean_cm_s=float(records["mean_cm_s"][i]),
+            p_nc=float(records["p_nc"][i]),
+            n_switches=int(sizes[i]),
+            waveform=self.waveform(i),
+            record={name: column[i] for name, column in records.items()},
+        )
+
+    def waveform(self, i: int) -> FloatArray:
+        """(n_pulse, 4) float64: start, rise, peak [µs] (inf where it holds) and volts."""
+        rows: FloatArray = self.records()["waveform"][self._check(i)]
+        return rows[~np.isnan(rows).all(axis=1)]
+
+    def history(self) -> pd.DataFrame | dict[str, NDArray[Any]]:
+        """One row per committed candidate: a pandas table where pandas is installed, else a dictionary of columns.
+
+        Columns are the per-candidate values; a waveform's are `pulse1_start_us` …, the surrogate's `surrogate.<name>`.
+        """
+        columns = _columns(self.records(), limit_texts(self.layout.limits_cm_s))
+        try:
+            import pandas
+        except ImportError:
+            return columns
+        plain = {
+            name: column.astype(object) if column.dtype.kind == "T" else column for name, column in columns.items()
+        }
+        return pandas.DataFrame(plain, index=pandas.RangeIndex(self.committed, name="candidate"))
+
+    def trajectories(self, i: int) -> Trajectories:
+        """x(t) and v(t) of candidate i: `trajectories(3).x[10:20]` reads twenty switches' worth at most."""
+        self._check(i)
+        if not self.layout.times_us.size:
+            raise StoreError(f"{self.path} keeps no trajectories (store.n_times)")
+        return Trajectories(times_us=self.times_us, x=self._rows("x", i), v=self._rows("v", i))
+
+    def _rows(self, name: str, i: int, column: int | None = None) -> LazyRows:
+        stage, local = self.layout.stage_of(i)
+        return LazyRows(self._array(f"{stage.name}/{name}"), local, int(self.records()["n_switches"][i]), column)
+
+    def responses(self, i: int) -> StoredResponses:
+        """Per-switch results of candidate i."""
+        self._check(i)
+        response = self._rows("response", i)[...]
+        columns = {field.name: response[:, k].copy() for k, field in enumerate(QUANTITIES)}
+        counts = {name: np.where(np.isnan(columns[name]), -1.0, columns[name]) for name in ("n_impacts", "status")}
+        has_impacts = bool(self.layout.max_impacts)
+        return StoredResponses(
+            max_contact_speed=columns["max_contact_speed"],
+            first_contact_us=columns["first_contact"],
+            settling_us=columns["settling"],
+            n_impacts=counts["n_impacts"].astype(np.int32),
+            final_x=columns["final_x"],
+            final_v=columns["final_v"],
+            closed=columns["closed"] > 0,
+            status=counts["status"].astype(np.int8),
+            impact_time_us=self._rows("impact", i, 0) if has_impacts else None,
+            impact_speed=self._rows("impact", i, 1) if has_impacts else None,
+        )
+
+    def population(self) -> dict[str, FloatArray]:
+        """The whole ensemble: D, G [µm], E [GPa], T [µm], K [N/m], M [µg], (n_switches,) each."""
+        try:
+            return {name: read_array(self._files, name) for name in POPULATION}
+        except UNREADABLE as e:
+            raise DamageError(
+                f"the population of {self.path} cannot be read ({type(e).__name__}: {e}): run `softclose verify`"
+            ) from e
+
+    def switches(self) -> FloatArray:
+        """The whole ensemble as the simulator takes it: (n_switches, 4), columns D, G, K, M."""
+        population = self.population()
+        return np.column_stack([population[name] for name in ("D", "G", "K", "M")])
+
+    def dataset(self, stage: str | None = None) -> xr.Dataset:
+        """The tables as xarray sees them, lazily; with `stage` that stage's responses and trajectories."""
+        import xarray
+
+        group = None if stage is None else self.layout.stage(stage).name
+        dataset: xr.Dataset = xarray.open_zarr(self.path, group=group, chunks=None)
+        return dataset
+
+    def datatree(self) -> xr.DataTree:
+        """The whole store as xarray sees it, lazily: the tables, and a group for each stage."""
+        import xarray
+
+        tree: xr.DataTree = xarray.open_datatree(self.path, engine="zarr", chunks=None)
+        return tree
+
+    def __repr__(self) -> str:
+        return f"Campaign({self.path!r}, {self.committed} of {self.budget} candidates)"
+
+
+def _columns(records: Mapping[str, NDArray[Any]], limits: list[str]) -> dict[str, NDArray[Any]]:
+    """Records as flat columns, named as the table of records names them."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name, values in records.items():
+        if name == "waveform":
+            for pulse in range(values.shape[1]):
+                for k, parameter in enumerate(PARAMETERS):
+                    columns[f"pulse{pulse + 1}_{parameter}"] = values[:, pulse, k]
+        elif values.ndim == 2:
+            for k, limit in enumerate(limits):
+                columns[f"{name}_{limit}"] = values[:, k]
+        else:
+            columns[name] = values
+    return columns
+
+
+def open_campaign(path: StorePath) -> Campaign:
+    """Open a store for reading. Runs nothing that the store contains; sees committed candidates only.
+
+    Raises StoreMissingError, SchemaError (another schema) or DamageError.
+    """
+    return Campaign(path)

@@ -1,0 +1,182 @@
+"""Owns the tables of candidates in memory: loading them, their digests, and their columns by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+from zarr.abc.store import Store
+
+from softclose_store.disk.loop import run_here
+from softclose_store.errors import DamageError
+from softclose_store.read.arrays import UNREADABLE, open_arrays
+from softclose_store.schema.digests import keyed_digest, proposals_digest
+from softclose_store.schema.fields import (
+    DIGESTS,
+    N_SURROGATE,
+    PARAMETERS,
+    RESULTS,
+    SURROGATE_PREFIX,
+    WALL,
+    WORDS,
+    Field,
+)
+from softclose_store.schema.hierarchy import TABLES
+from softclose_store.schema.layout import Layout, StageLayout
+
+ORIGIN, NOTE, FAILURE = range(len(WORDS))
+"""Columns of `words`."""
+PROPOSAL, MARKERS, RECORD = range(len(DIGESTS))
+"""Columns of `digests`."""
+N_WALL = len(WALL) - 1
+"""Timings proper: the last column is their check."""
+
+
+class Table:
+    """All per-candidate values of a store: `n` rows of each table, what was never written full of fill values."""
+
+    def __init__(self, layout: Layout, n: int) -> None:
+        self.layout = layout
+        self.n = n
+        fields = layout.fields
+        self._at = {field.name: k for k, field in enumerate(fields)}
+        self.empty_record: NDArray[np.float64] = np.array([field.fill for field in fields])
+        """A row of `records` of which nothing is known."""
+        self.records: NDArray[np.float64] = np.full((n, len(fields)), np.nan)
+        self.words: NDArray[Any] = np.full((n, len(WORDS)), "", dtype=np.dtypes.StringDType())
+        self.surrogate: NDArray[np.float64] = np.full((n, N_SURROGATE), np.nan)
+        self.digests: NDArray[np.uint64] = np.zeros((n, len(DIGESTS)), dtype=np.uint64)
+        self.wall_times: NDArray[np.float64] = np.full((n, len(WALL)), np.nan)
+        self.damaged: set[tuple[str, int]] = set()
+        """(table, chunk of candidates) that could not be read."""
+
+    def rows(self, i_chunk: int) -> slice:
+        """Candidates of one chunk."""
+        step = self.layout.table_chunk
+        return slice(i_chunk * step, min((i_chunk + 1) * step, self.layout.n_candidates))
+
+    def load(self, files: Store, n: int, where: str, *, tolerate_damage: bool = False) -> None:
+        """Read the first n rows of every table; raises DamageError. What cannot be read stays empty if tolerated."""
+        if n == 0:
+            return
+        try:
+            arrays = open_arrays(files, TABLES)
+        except UNREADABLE as e:
+            if not tolerate_damage:
+                raise self._damage(where, "a table", slice(0, n), e) from e
+            self.damaged |= {(name, i) for name in TABLES for i in range(self.chunks_of(n))}
+            return
+        for name, array in arrays.items():
+            self._load_table(files, name, array, n, where, tolerate_damage)
+
+    def _load_table(
+        self, files: Store, name: str, array: zarr.AsyncArray[Any], n: int, where: str, tolerate_damage: bool
+    ) -> None:
+        values: NDArray[Any] = getattr(self, name)
+
+        def read(rows: slice) -> None:
+            values[rows] = run_here(array.getitem((rows, slice(None))), files)
+
+        try:
+            read(slice(0, n))
+            return
+        except UNREADABLE:
+            pass  # one of the chunks cannot be read: find out which
+        for i_chunk in range(self.chunks_of(n)):
+            rows = self.rows(i_chunk)
+            rows = slice(rows.start, min(rows.stop, n))
+            try:
+                read(rows)
+            except UNREADABLE as e:
+                if not tolerate_damage:
+                    raise self._damage(where, name, rows, e) from e
+                self.damaged.add((name, i_chunk))
+
+    def _damage(self, where: str, name: str, rows: slice, e: Exception) -> DamageError:
+        return DamageError(
+            f"candidates {rows.start} to {rows.stop - 1} in {name} of {where} cannot be read ({type(e).__name__}: {e})"
+            ": run `softclose verify --repair`"
+        )
+
+    def chunks_of(self, n: int) -> int:
+        """Chunks that hold the first n candidates."""
+        return -(-n // self.layout.table_chunk)
+
+    def proposal_digest(self, i: int) -> int:
+        """Digest of candidate i's proposal as it is in memory."""
+        parts = (
+            self.records[i, : self.layout.n_proposal_fields].tobytes(),
+            self.surrogate[i].tobytes(),
+            str(self.words[i, ORIGIN]).encode(),
+            str(self.words[i, NOTE]).encode(),
+        )
+        return keyed_digest(f"proposal|{i}", parts)
+
+    def record_digest(self, i: int) -> int:
+        """Digest of candidate i's result, tied to its proposal and its blocks."""
+        parts = (
+            self.digests[i, :RECORD].tobytes(),
+            self.records[i, self.layout.n_proposal_fields :].tobytes(),
+            str(self.words[i, FAILURE]).encode(),
+        )
+        return keyed_digest(f"record|{i}", parts)
+
+    def wall_check(self, i: int) -> float:
+        """Check of candidate i's timings: a float holds 53 bits of a digest exactly."""
+        return float(keyed_digest(f"wall|{i}", (self.wall_times[i, :N_WALL].tobytes(),)) >> 11)
+
+    def waveform(self, i: int) -> NDArray[np.float64]:
+        """Pulses of candidate i: (n_pulse, 4)."""
+        rows = self.records[i, : self.layout.n_proposal_fields - 1].reshape(-1, len(PARAMETERS))
+        return rows[~np.isnan(rows).all(axis=1)].copy()
+
+    def number(self, i: int, name: str) -> float:
+        """One number of candidate i."""
+        return float(self.records[i, self._at[name]])
+
+    def n_switches(self, i: int) -> int:
+        """Switches of candidate i; 0 where its proposal is damaged beyond a sensible number."""
+        value = self.number(i, "n_switches")
+        stage, _ = self.layout.stage_of(i)
+        return int(value) if value.is_integer() and 0 < value <= stage.n_switches else 0
+
+    def block_proposals(self, stage: StageLayout, i_block: int) -> tuple[int, int]:
+        """Digest of the proposals of one row of blocks, and their number of switches (0: damaged)."""
+        first = self.layout.first(stage.name)
+        candidates = stage.candidates(i_block)
+        indices = range(first + candidates.start, first + candidates.stop)
+        n_switches = self.n_switches(indices[0])
+        return proposals_digest([self.waveform(i) for i in indices], n_switches, indices[0]), n_switches
+
+    def columns(self, n: int, hyperparameters: list[str]) -> dict[str, NDArray[Any]]:
+        """Every value of the first n candidates by name, (n, …) each, copies."""
+        layout, records = self.layout, self.records[:n]
+        n_pulse_fields = layout.n_proposal_fields - 1
+        columns: dict[str, NDArray[Any]] = {
+            "waveform": records[:, :n_pulse_fields].reshape(n, layout.n_pulses, len(PARAMETERS)).copy(),
+            "n_switches": _typed("int", records[:, n_pulse_fields]),
+            "origin": self.words[:n, ORIGIN].copy(),
+            "note": self.words[:n, NOTE].copy(),
+            "wave": _typed("int", records[:, n_pulse_fields + 1]),
+        }
+        at = n_pulse_fields + 2
+        for field in RESULTS:
+            width = len(layout.limits_cm_s) if field.per_limit else 1
+            values = _typed(field.type, records[:, at : at + width])
+            columns[field.name] = values if field.per_limit else values[:, 0].copy()
+            at += width
+        columns["failure"] = self.words[:n, FAILURE].copy()
+        for k, field in enumerate(WALL[:N_WALL]):
+            columns[field.name] = self.wall_times[:n, k].copy()
+        for k, name in enumerate(hyperparameters):
+            columns[f"{SURROGATE_PREFIX}{name}"] = self.surrogate[:n, k].copy()
+        return columns
+
+
+def _typed(kind: str, values: NDArray[np.float64]) -> NDArray[Any]:
+    if kind == "float":
+        return values.copy()
+    whole = np.where(np.isnan(values), Field(name="", type="int").fill if kind == "int" else 0.0, values)
+    return whole.astype(np.int32 if kind == "int" else np.bool_)

@@ -1,0 +1,89 @@
+"""Owns digests: what ties stored bytes to the place where they belong.
+
+Digests of blocks and records are 64-bit xxh3 (damage, not malice, is looked for; 20 GB/s), identities are sha256.
+A digest of 0 means "not written", so a digest that comes out as 0 is stored as 1.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import xxhash
+from numpy.typing import ArrayLike, NDArray
+
+
+def canonical_json(data: Any) -> str:
+    """One text per value: sorted keys, no spaces, shortest floats."""
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+
+
+def fingerprint_of(config: Mapping[str, Any]) -> str:
+    """sha256 of the canonical JSON of a configuration: the identity of a campaign."""
+    return sha256(canonical_json(config).encode())
+
+
+def sha256(data: bytes) -> str:
+    """Hexadecimal sha256."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def keyed_digest(key: str, parts: Iterable[bytes | memoryview]) -> int:
+    """xxh3 of a key and of parts, whose lengths belong to it."""
+    state = xxhash.xxh3_64(key.encode())
+    for part in parts:
+        state.update(f"|{len(part)}|".encode())
+        state.update(part)
+    return state.intdigest() or 1
+
+
+def block_digest(stage: str, name: str, i_block: int, j_block: int, proposals: int, values: NDArray[Any]) -> int:
+    """Digest of one array of a block, keyed with where it belongs. values: C-contiguous, little-endian."""
+    key = f"{stage}|{name}|{i_block}|{j_block}|{proposals}|{values.dtype.str}|{values.shape}"
+    state = xxhash.xxh3_64(key.encode())
+    state.update(values.reshape(-1).view(np.uint8).data if values.size else b"")
+    return state.intdigest() or 1
+
+
+def proposals_digest(waveforms: Iterable[ArrayLike], n_switches: int, start: int) -> int:
+    """Digest of what the candidates of one row of blocks are simulated with.
+
+    waveforms: (n_pulse, 4) each, rows of NaN are none. start: campaign-wide index of the first of them.
+    """
+    parts = []
+    for waveform in waveforms:
+        rows = np.atleast_2d(np.asarray(waveform, dtype="<f8"))
+        parts.append(np.ascontiguousarray(rows[~np.isnan(rows).all(axis=1)]).tobytes())
+    return keyed_digest(f"proposals|{start}|{len(parts)}|{n_switches}", parts)
+
+
+def assessed_digest(
+    stage: str,
+    i_block: int,
+    j_block: int,
+    proposals: int,
+    max_contact_speed: ArrayLike,
+    closed: ArrayLike,
+    status: ArrayLike,
+) -> int:
+    """Digest of what an assessment takes of a block: (candidates, switches) each, of the switches that were simulated.
+
+    A task's answer carries these arrays; the driver compares their digest with the last of the block's marker.
+    """
+    speed = np.asarray(max_contact_speed, dtype="<f8")
+    parts = [
+        np.where(np.isnan(speed), np.nan, speed).tobytes(),  # one NaN: its bits mean nothing
+        np.asarray(closed, dtype=bool).tobytes(),
+        np.asarray(status, dtype="i1").tobytes(),
+    ]
+    return keyed_digest(f"assessed|{stage}|{i_block}|{j_block}|{proposals}|{speed.shape}", parts)
+
+
+def array_sha256(array: np.ndarray[Any, Any]) -> str:
+    """sha256 of an array's type, shape and values."""
+    kind = array.dtype.kind in "OTU"
+    content = "\0".join(str(item) for item in array.ravel()).encode() if kind else np.ascontiguousarray(array).tobytes()
+    return sha256(f"{'text' if kind else array.dtype.str}|{array.shape}|".encode() + content)

@@ -1,0 +1,1 @@
+"""Writing a campaign: creating it, storing blocks (workers) and committing waves (the driver)."""

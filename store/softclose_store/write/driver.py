@@ -1,0 +1,296 @@
+"""Owns the driver's side of a store: what is there of a wave, and its commit, under the one-driver lock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose_store import faults
+from softclose_store.disk.files import StorePath, normalised, open_files, write_key
+from softclose_store.disk.lock import DriverLock
+from softclose_store.errors import DamageError, OtherAlgorithmError, OtherConfigurationError, RecordError
+from softclose_store.read.arrays import layout_of, open_arrays, switches_of
+from softclose_store.read.blocks import BlockReader, markers_digest
+from softclose_store.read.table import PROPOSAL, RECORD, Table
+from softclose_store.schema.digests import canonical_json, proposals_digest
+from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
+from softclose_store.schema.layout import Layout
+from softclose_store.schema.root import RUNTIME_KEY, Root, read_root, runtime_text, write_root
+from softclose_store.write.block import assessed_of
+from softclose_store.write.create import other_algorithm
+from softclose_store.write.rows import (
+    ASSESSED,
+    PROPOSED,
+    TIMED,
+    check_names,
+    check_waveform,
+    set_proposal,
+    set_result,
+    set_timings,
+    write_hyperparameters,
+    write_rows,
+)
+
+TAIL_BYTES = 64_000_000
+"""Decoded bytes of the last committed blocks that every opening checks: about 0.1 s."""
+
+Block = tuple[int, int]
+
+
+class DriverStore:
+    """One campaign's store, open for its one driver. A context manager that holds the lock.
+
+    Raises LockedError, StoreMissingError, SchemaError, OtherConfigurationError (where `expected_fingerprint` differs),
+    OtherAlgorithmError (where `expected_algorithm` does) and DamageError. `tolerate_damage` opens a damaged store for
+    its repair.
+    """
+
+    def __init__(
+        self,
+        path: StorePath,
+        *,
+        expected_fingerprint: str | None = None,
+        expected_algorithm: str | None = None,
+        break_lock: bool = False,
+        tolerate_damage: bool = False,
+    ) -> None:
+        self.path = normalised(path)
+        self._plain = open_files(path, read_only=True)
+        root = read_root(self._plain, self.path)
+        if expected_fingerprint is not None and root.fingerprint != expected_fingerprint:
+            raise OtherConfigurationError(
+                f"{self.path} holds campaign {root.fingerprint[:12]}, not {expected_fingerprint[:12]}: its "
+                "configuration is another one; give another path"
+            )
+        if expected_algorithm is not None and root.algorithm != expected_algorithm:
+            raise OtherAlgorithmError(other_algorithm(self.path, root.algorithm, expected_algorithm))
+        self._lock = DriverLock(path)
+        self._lock.acquire(break_lock=break_lock)
+        try:
+            self._root: Root = read_root(self._plain, self.path)  # another driver may have committed meanwhile
+            self.layout: Layout = layout_of(self._plain, self._root)
+            self._files = open_files(path, read_only=False, durable=self.durable, blind=False)
+            self._blocks = BlockReader(self._plain, self.layout)
+            self._table = Table(self.layout, self.layout.n_candidates)
+            self._table.load(self._files, self.n_committed, self.path, tolerate_damage=tolerate_damage)
+            self._hyperparameters: list[str] = list(self._root.attributes["hyperparameters"])
+            self._arrays = open_arrays(self._files, (*TABLES, HYPERPARAMETER))
+            if not tolerate_damage:
+                self._check_committed()
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the lock."""
+        self._lock.release()
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The campaign's configuration."""
+        config: dict[str, Any] = self._root.attributes["config"]
+        return config
+
+    @property
+    def fingerprint(self) -> str:
+        """Identity of the campaign's configuration."""
+        return self._root.fingerprint
+
+    @property
+    def algorithm(self) -> str:
+        """Version of the algorithms that the campaign was begun with."""
+        return self._root.algorithm
+
+    @property
+    def durable(self) -> bool:
+        """True where every file is synced to the disk before the commit that relies on it."""
+        return bool(self._root.attributes["durable"])
+
+    @property
+    def n_committed(self) -> int:
+        """Number of committed candidates: always the first ones."""
+        return self._root.n_committed
+
+    @property
+    def n_waves(self) -> int:
+        """Number of committed waves."""
+        return self._root.n_waves
+
+    @property
+    def population(self) -> NDArray[np.float64]:
+        """(n_switches, 4) float64: D [µm], G [µm], K [N/m], M [µg]."""
+        return switches_of(self._plain)
+
+    def records(self) -> dict[str, NDArray[Any]]:
+        """Every value of the committed candidates, by name: (n_committed, …) each, copies."""
+        return self._table.columns(self.n_committed, self._hyperparameters)
+
+    def blocks_done(
+        self, stage: str, blocks: Sequence[Block], proposals_digests: Sequence[int], *, check: bool = True
+    ) -> list[bool]:
+        """For each block: whether it is stored, of candidates with these proposals (one digest a block, in order).
+
+        With `check` the data of every marked block is read and compared: after a loss of power a marker may have
+        reached the disk and its data not.
+        """
+        done = []
+        for (i, j), expected in zip(blocks, proposals_digests, strict=True):
+            marker = self._blocks.marker(stage, i, j)
+            here = int(marker[0]) == expected and bool((marker != 0).all())
+            done.append(here and not (check and self._blocks.problems(stage, i, j, expected)))
+        return done
+
+    def markers(self, stage: str, blocks: Sequence[Block]) -> dict[Block, NDArray[np.uint64]]:
+        """The markers of blocks as they are stored, (n_markers,) each; 0 throughout where there is none."""
+        return {(i, j): self._blocks.marker(stage, i, j) for i, j in blocks}
+
+    def read_assessed(
+        self, stage: str, i_block: int, j_block: int, n_switches: int | None = None
+    ) -> dict[str, NDArray[Any]]:
+        """What an assessment takes of a stored block: max_contact_speed, closed, status, (candidates, switches) each.
+
+        n_switches: of the candidates, where they use less than the stage's whole ensemble.
+        """
+        columns = self.layout.stage(stage).switches(j_block)
+        used = columns.stop - columns.start if n_switches is None else min(n_switches, columns.stop) - columns.start
+        try:
+            response = self._blocks.block(stage, "response", i_block, j_block)[:, :used]
+        except (ValueError, RuntimeError, OSError) as e:
+            raise DamageError(
+                f"block ({i_block}, {j_block}) of stage {stage} in {self.path} cannot be read ({e}): "
+                "run `softclose verify --repair`"
+            ) from e
+        speed, closed, status = assessed_of(response)
+        return {"max_contact_speed": speed, "closed": closed, "status": status}
+
+    def commit(self, rows: Sequence[Mapping[str, Any]], markers: Mapping[Block, NDArray[np.uint64]]) -> None:
+        """Write the records of the next wave, then make it part of the campaign: the root's replacement is the commit.
+
+        rows: one mapping a candidate, in order from `n_committed` on: the proposal (waveform (n_pulse, 4), n_switches,
+        origin, note, surrogate), the fields of the record and the timings; what is left out stays undefined.
+        markers: those of all blocks of the wave, as `write_block` returned them or `markers` read them.
+        Raises RecordError where a row or a marker does not fit; then nothing changed.
+        """
+        start, stop = self.n_committed, self.n_committed + len(rows)
+        tied = self._check_wave(start, rows, markers)
+        self._lock.check()
+        hyperparameters = list(self._hyperparameters)
+        now = time.time()
+        try:
+            for i, row in enumerate(rows, start):
+                set_proposal(self._table, i, row, hyperparameters)
+                set_result(self._table, i, row, self.n_waves, markers_digest(tied[i - start], i))
+                set_timings(self._table, i, {"wall_committed_unix_s": now, **row})
+        except RecordError:
+            self._forget(start, stop)
+            raise
+        faults.point("before-record")
+        if hyperparameters != self._hyperparameters:
+            write_hyperparameters(self._arrays, self._files, hyperparameters)
+            self._hyperparameters = hyperparameters
+        write_rows(self._table, self._files, self._arrays, start, stop)
+        faults.point("after-record")
+        faults.point("before-commit")
+        root = self._root.committed(stop, self.n_waves + 1, hyperparameters)
+        write_root(self._files, root)
+        self._root = root
+        faults.point("after-commit")
+
+    def _check_wave(
+        self, start: int, rows: Sequence[Mapping[str, Any]], markers: Mapping[Block, NDArray[np.uint64]]
+    ) -> list[NDArray[np.uint64]]:
+        """For each row the markers of its candidate's blocks; raises RecordError where they are not all there."""
+        if not rows:
+            raise RecordError("a wave has at least one candidate")
+        for row in rows:
+            check_names(row, PROPOSED | ASSESSED | TIMED)
+            check_waveform(self.layout, row)
+        sizes = {int(row["n_switches"]) for row in rows}
+        if len(sizes) > 1:
+            raise RecordError(
+                f"the candidates of a wave have {sorted(sizes)} switches; one wave has one number of them"
+            )
+        n_switches = sizes.pop()
+        blocks = self.layout.wave_blocks(start, len(rows), n_switches)
+        if set(blocks) != set(markers):
+            lost = sorted(set(blocks) - set(markers))
+            raise RecordError(
+                f"the wave from candidate {start} on has blocks {blocks[0]} to {blocks[-1]}; markers of {lost} are "
+                f"missing, those of {sorted(set(markers) - set(blocks))} belong to no block of it"
+            )
+        stage, local = self.layout.stage_of(start)
+        tied = []
+        for i in dict.fromkeys(i for i, _ in blocks):
+            candidates = stage.candidates(i)
+            own = rows[candidates.start - local : candidates.stop - local]
+            expected = proposals_digest([row["waveform"] for row in own], n_switches, start - local + candidates.start)
+            found = np.stack([np.asarray(markers[i, j], dtype=np.uint64) for k, j in blocks if k == i])
+            if found.shape[1] != len(self.layout.marker_names) or (found == 0).any() or (found[:, 0] != expected).any():
+                raise RecordError(
+                    f"the blocks of candidates {start - local + candidates.start} to "
+                    f"{start - local + candidates.stop - 1} are not stored, or of other proposals; compute them first"
+                )
+            tied += [found] * len(own)
+        return tied
+
+    def _forget(self, start: int, stop: int) -> None:
+        empty = Table(self.layout, stop - start)
+        for name in TABLES:
+            getattr(self._table, name)[start:stop] = getattr(empty, name)
+
+    def note_run(self, runtime: Mapping[str, Any]) -> None:
+        """Add who runs the campaign now, and where, to the group `runtime` (not part of the campaign's identity)."""
+        canonical_json(runtime)  # raises for what is no JSON
+        root = self._root.noted(runtime)
+        write_key(self._files, RUNTIME_KEY, runtime_text(root))
+        write_root(self._files, root)
+        self._root = root
+
+    def _check_committed(self) -> None:
+        """Compare all committed records with their digests, and the data of the last blocks with their markers."""
+        table, n = self._table, self.n_committed
+        proposals, records = table.digests[:, PROPOSAL], table.digests[:, RECORD]
+        for i in range(n):
+            if int(proposals[i]) != table.proposal_digest(i) or int(records[i]) != table.record_digest(i):
+                raise DamageError(
+                    f"the record of candidate {i} in {self.path} is damaged: run `softclose verify --repair`"
+                )
+        if n:
+            self._check_last_wave(n - 1)
+
+    def _check_last_wave(self, i_last: int) -> None:
+        """The data of the last wave's blocks, from the last on, as far as the budget of bytes goes."""
+        stage, local = self.layout.stage_of(i_last)
+        wave = self._table.number(i_last, "wave")
+        per_trajectory = sum(
+            int(np.prod(rest)) * np.dtype(dtype).itemsize for rest, dtype in self.layout.block_arrays.values()
+        )
+        left = TAIL_BYTES
+        for i in reversed(range(local // stage.block_candidates + 1)):
+            first = self.layout.first(stage.name) + stage.candidates(i).start
+            if self._table.number(first, "wave") != wave:
+                return
+            proposals, n_switches = self._table.block_proposals(stage, i)
+            for j in reversed(range(stage.blocks_of(n_switches))):
+                if left < 0:
+                    return
+                left -= per_trajectory * int(np.prod(stage.block_shape(i, j)))
+                problems = self._blocks.problems(stage.name, i, j, proposals)
+                if problems:
+                    raise DamageError(
+                        f"block ({i}, {j}) of stage {stage.name} in {self.path} is damaged ({problems[0]}): "
+                        "run `softclose verify --repair`"
+                    )

@@ -1,0 +1,71 @@
+"""Whole campaigns against a smooth stand-in for the simulation: a bowl around 0.4 in the search cube."""
+
+from __future__ import annotations
+
+import math
+
+from softclose.config import load_config
+from softclose.propose.plan import plan
+from softclose.propose.proposer import Proposer
+from softclose.propose.protocol import Observation, Problem
+
+SPACE_OF = {"paper": "two-pulse-paper"}
+
+
+def problem_of(engine="skopt", budget=24, *, campaign=None, explore=None, finish=None, waveform=None, **optimiser):
+    return Problem(
+        load_config(
+            {
+                "campaign": {"seed": 5, "budget": budget} | (campaign or {}),
+                "population": {"n_switches": 50},
+                "waveform": {"space": SPACE_OF.get(engine, "two-pulse-full")} | (waveform or {}),
+                "optimiser": {"engine": engine, "n_initial": 8, "n_candidates": 128} | optimiser,
+                "explore": {"generation": 6, "n_scouts": 6} | (explore or {}),
+                "finish": {"n_switches": 100, "n_basins": 3} | (finish or {}),
+            }
+        )
+    )
+
+
+def observe(problem, wave, i, proposal, *, failed=False):
+    """A smooth stand-in for the simulation: a bowl around 0.4 in the cube, in cm/s."""
+    w = proposal.waveform
+    try:
+        x = problem.space.unit(w, clip=True)
+        g = 15.0 + 60.0 * float(((x - 0.4) ** 2).mean())
+    except ValueError:
+        g = 85.0
+    g = math.nan if failed else g
+    return Observation(
+        index=i,
+        wave=wave.index,
+        waveform=w,
+        origin=proposal.origin,
+        n_switches=proposal.n_switches,
+        g_cm_s=g,
+        g_se_cm_s=0.5,
+        v_u_cm_s=g,
+        mean_cm_s=g,
+        p_nc=0.0,
+        p_contact=min(1.0, w.pulses[0].peak_us / 10.0),
+        failed=failed,
+    )
+
+
+def run(problem, *, failing=()):
+    """A whole campaign against the stand-in: its records and its proposals."""
+    proposer = Proposer(problem)
+    history, proposals = [], []
+    for wave in plan(problem):
+        new = proposer.from_history(wave, history)
+        assert len(new) == wave.size
+        for i, proposal in enumerate(new, start=wave.start):
+            proposal.waveform.check(150.0, 250.0)
+            assert proposal.n_switches == wave.n_switches
+            history.append(observe(problem, wave, i, proposal, failed=i in failing))
+        proposals += new
+    return history, proposals
+
+
+def bits(proposals):
+    return [p.waveform.rows().tobytes() for p in proposals]

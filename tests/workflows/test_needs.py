@@ -1,0 +1,171 @@
+"""Claims about work too large for a machine: it is refused in one message, before anything is allocated or created."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from finished import SETTINGS
+from softclose.config import load_config
+from softclose_workflows.cli import main
+from softclose_workflows.run import needs
+from softclose_workflows.run.executors import Placement
+from softclose_workflows.run.executors.placement import n_cores
+
+GB = 1e9
+
+
+MACHINE_MEMORY = needs.machine_memory_bytes
+
+
+@pytest.fixture(autouse=True)
+def small_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """8 GB of memory: what is refused here does not depend on where the tests run."""
+    monkeypatch.setattr(needs, "machine_memory_bytes", lambda: 8 * GB)
+
+
+def softclose(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+def refused(done: Result, *words: str) -> None:
+    assert done.exit_code == 2, (done.output, done.exception)
+    assert len(done.output.splitlines()) == 1, done.output
+    for word in words:
+        assert word in done.output
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "population.n_switches=100000000000",
+        "population.n_switches=1000000000000",
+        "population.n_switches=1e12",
+        "campaign.budget=1000000000000",
+        "campaign.budget=1e12",
+        "campaign.lag=1000000000000",
+        "finish.budget=1000000000000",
+        "optimiser.n_candidates=1000000000000",
+        "model.horizon_us=1e12",
+        "model.horizon_us=1",
+        "model.plate_area_um2=1e300",
+        "model.plate_area_um2=1e-9",
+        "waveform.max_volts=1e300",
+        "waveform.max_volts=1e9",
+        "waveform.max_volts=1e-3",
+        "waveform.min_rise_us=1e5",
+        "objective.c1_cm_s=1e300",
+        "objective.undefined_v_u_cm_s=1e300",
+    ],
+)
+def test_a_setting_that_no_machine_or_switch_could_follow_is_refused(tmp_path: Path, setting: str) -> None:
+    store = tmp_path / "a.zarr"
+    refused(softclose("run", "current", "--store", str(store), "--serial", "--set", setting), setting.split("=")[0])
+    assert not store.exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (("population.n_switches=100000000",), ("100,000,000 switches", "memory", "of disk", "n_switches")),
+        (("campaign.budget=1000000", "population.n_switches=1000000"), ("1,000,800 candidates", "of disk", "budget")),
+    ],
+)
+def test_a_campaign_that_does_not_fit_is_refused_before_its_store_exists(
+    tmp_path: Path, settings: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    store = tmp_path / "new" / "a.zarr"
+    sets = [part for s in (*settings, "finish.budget=800") for part in ("--set", s)]
+    refused(softclose("run", "current", "--store", str(store), "--workers", "1", *sets), *words)
+    assert not store.parent.exists()
+
+
+def test_a_larger_campaign_at_the_place_of_another_is_refused_too(finished_store: Path) -> None:
+    done = softclose("run", "current", "--store", str(finished_store), "--set", "population.n_switches=100000000")
+    refused(done, "memory")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option"),
+    [
+        (("certify", "{store}", "--switches", "100000000000"), "--switches"),
+        (("tolerance", "{store}", "--switches", "100000000000"), "--switches"),
+        (("sensitivity", "{store}", "--points", "1099511627776"), "--points"),
+        (("compare-engines", "current", "--engines", "sobol", "--switches", "100000000000"), "--switches"),
+        (
+            ("compare-engines", "current", "--engines", "sobol", "--set", "population.n_switches=100000000"),
+            "population.n_switches",
+        ),
+        (("study", "c1", "--out", "{new}", "--switches", "100000000000"), "--switches"),
+        (("study", "c1", "--out", "{new}", "--set", "population.n_switches=100000000"), "population.n_switches"),
+        (("reproduce", "--out", "{new}", "--switches", "100000000000"), "--switches"),
+        (("reproduce", "--out", "{new}", "--set", "store.n_times=100001"), "store.n_times"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_too_many_switches_are_refused_before_any_is_drawn(
+    tmp_path: Path, finished_store: Path, arguments: tuple[str, ...], option: str
+) -> None:
+    new = tmp_path / "new"
+    done = softclose(*(a.format(store=finished_store, new=new) for a in arguments))
+    refused(done, "would take at least", option)
+    assert not new.exists()
+    assert not (finished_store / "certification").exists()
+
+
+def test_the_estimate_of_the_disk_is_of_the_size_of_a_real_store(finished_store: Path) -> None:
+    config = load_config("current", (*SETTINGS, "finish.budget=0"))
+    written = sum(p.stat().st_size for p in finished_store.rglob("*") if p.is_file())
+    needed = needs.of_run(config, workers=1).disk_bytes
+    assert needed < written < 4.0 * needed
+
+
+def test_what_is_committed_needs_no_further_disk() -> None:
+    config = load_config("current")
+    whole = needs.of_run(config, workers=1)
+    half = needs.of_run(config, workers=1, committed=config.total_budget // 2)
+    assert half.disk_bytes == pytest.approx(whole.disk_bytes / 2, rel=1e-3)
+    assert half.memory_bytes == whole.memory_bytes
+    assert needs.of_run(config, workers=1, committed=config.total_budget).disk_bytes == 0.0
+
+
+def test_more_workers_need_more_memory_and_those_of_a_scheduler_none_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = load_config("current", ["population.n_switches=1000000"])
+    one = needs.of_run(config, workers=1).memory_bytes
+    monkeypatch.setattr(needs, "machine_memory_bytes", lambda: 1.5 * one)
+    needs.check_run(config, Placement(workers=1), "https://somewhere/a.zarr")
+    needs.check_run(config, Placement(scheduler="tcp://elsewhere:8786"), "https://somewhere/a.zarr")
+    with pytest.raises(needs.NeedsError, match="fewer workers"):
+        needs.check_run(config, Placement(workers=4), "https://somewhere/a.zarr")
+
+
+def test_the_disk_that_counts_is_the_one_of_the_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    usage = shutil.disk_usage
+
+    def disk_usage(path: Path) -> tuple[int, int, int]:
+        asked.append(path)
+        return usage(path)
+
+    monkeypatch.setattr(needs.shutil, "disk_usage", disk_usage)
+    needs.check_run(load_config("current"), Placement(serial=True), str(tmp_path / "not" / "yet.zarr"))
+    assert asked == [tmp_path]
+
+
+def test_the_memory_of_a_container_counts_where_it_is_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    files = {"/proc/self/cgroup": "0::/job\n", "/sys/fs/cgroup/job/memory.max": "1000000000\n"}
+    monkeypatch.setattr(needs.Path, "read_text", lambda self, encoding: files[str(self)])
+    assert MACHINE_MEMORY() == GB
+    files["/sys/fs/cgroup/job/memory.max"] = "max\n"
+    assert MACHINE_MEMORY() > GB
+
+
+def test_cores_are_counted_where_a_system_has_no_affinities(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 7)
+    assert n_cores() == 7
+    assert Placement().n_processes == 7

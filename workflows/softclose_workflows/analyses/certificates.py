@@ -1,0 +1,168 @@
+"""Owns how certifications are kept in a store: side by side, one group for each number of switches and seed.
+
+The one on the most switches counts, wherever one is asked for. See docs/adr/047-certificates-side-by-side.md.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import CampaignConfig
+from softclose.waveform import Waveform
+from softclose_store import GroupArray, group_attributes, list_groups, open_campaign, read_group, write_group
+from softclose_workflows.analyses.certification import (
+    Certification,
+    CertifyError,
+    Request,
+    assemble,
+    candidate_of,
+)
+from softclose_workflows.run import records
+from softclose_workflows.run.records import StoredResponse
+
+GROUP = "certification"
+"""Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
+
+STREAM = 1
+"""Random stream of certification ensembles; campaigns train on stream 0."""
+
+_NAME = re.compile(rf"{GROUP}/(\d+)-(\d+)")
+
+
+def name_of(n_switches: int, seed: int) -> str:
+    """The group of the certification on so many switches of that seed."""
+    return f"{GROUP}/{n_switches}-{seed}"
+
+
+def certificate_names(path: str) -> list[str]:
+    """Groups of the certifications of a store: the one that counts first.
+
+    Most switches first; of equally many the one that saw most of the campaign, then the one of smallest seed.
+    """
+    names = [name for name in list_groups(path, GROUP) if name == GROUP or _NAME.fullmatch(name)]
+    if len(names) < 2:
+        return names
+    requests = {name: _numbers(path, name) for name in names}
+    return sorted(names, key=lambda name: requests[name])
+
+
+def _numbers(path: str, name: str) -> tuple[int, int, int]:
+    """What certifications are sorted by, smallest first; a damaged one has its name."""
+    attributes = group_attributes(path, name) or {}
+    in_name = _NAME.fullmatch(name)
+    n, seed = map(int, in_name.groups()) if in_name else (attributes.get("n_switches", 0), attributes.get("seed", 0))
+    return -n, -int(attributes.get("committed", 0)), seed
+
+
+def read_certification(path: str) -> Certification | None:
+    """The certification that counts in a store; None where there is none. Raises DamageError where it is damaged."""
+    names = certificate_names(path)
+    return read_certificate(path, names[0]) if names else None
+
+
+def read_certificate(path: str, name: str) -> Certification:
+    """The certification in one group; raises StoreMissingError or DamageError."""
+    group = read_group(path, name)
+    campaign = open_campaign(path)
+    config = CampaignConfig.from_dict(campaign.config)
+    a = group.arrays
+    names = [str(name) for name in a["name"]]
+    waveforms = {
+        name: Waveform.from_rows(rows[~np.isnan(rows).all(axis=1)])
+        for name, rows in zip(names, a["waveform"], strict=True)
+    }
+    responses = {
+        name: StoredResponse(max_contact_speed=v, closed=closed, status=status)
+        for name, v, closed, status in zip(names, a["max_contact_speed"], a["closed"], a["status"], strict=True)
+    }
+    certified = sorted(i for i in map(candidate_of, names) if i is not None)
+    # Version 0.1 kept neither the list nor what was missing.
+    legacy = {"candidates": certified, "top": len(certified), "missing": {}}
+    return assemble(campaign, config, waveforms, responses, request_of(legacy | group.attributes))
+
+
+def request_of(attributes: Mapping[str, Any]) -> Request:
+    """What a certification follows from, as its group's attributes say; raises CertifyError where they do not."""
+    try:
+        return Request(
+            n_switches=int(attributes["n_switches"]),
+            seed=int(attributes["seed"]),
+            top=int(attributes["top"]),
+            committed=int(attributes["committed"]),
+            incumbent=int(attributes["incumbent"]),
+            candidates=tuple(int(i) for i in attributes["candidates"]),
+            missing={str(name): str(why) for name, why in attributes["missing"].items()},
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as e:
+        raise CertifyError(f"the group does not say what it certified ({e!r}); certify again") from e
+
+
+def write_certificate(path: str, result: Certification) -> None:
+    """Store the per-switch results, from which everything else follows, and the figures beside them for any reader."""
+    designs = [*result.candidates, *result.references]
+    n_pulses = max(len(d.waveform.pulses) for d in designs)
+    rows = np.full((len(designs), n_pulses, 4), math.nan)
+    for row, d in zip(rows, designs, strict=True):
+        row[: len(d.waveform.pulses)] = d.waveform.rows()
+
+    def per_switch(values: list[NDArray[Any]], unit: str, meaning: str) -> GroupArray:
+        return GroupArray(dims=("design", "fresh_switch"), values=np.stack(values), unit=unit, long_name=meaning)
+
+    arrays = {
+        "name": GroupArray(dims=("design",), values=np.array([d.name for d in designs]), long_name="design"),
+        "candidate": GroupArray(
+            dims=("design",),
+            values=np.array([-1 if d.candidate is None else d.candidate for d in designs]),
+            long_name="index in the campaign; -1: a reference design",
+        ),
+        "waveform": GroupArray(
+            dims=("design", "pulse", "parameter"),
+            values=rows,
+            unit="µs or V",
+            long_name="start, rise, peak, volts; a peak of inf holds, rows of NaN are absent",
+        ),
+        "max_contact_speed": per_switch(
+            [d.response.max_contact_speed for d in designs], "µm/µs", "V of Eq. 7; NaN: never touched"
+        ),
+        "closed": per_switch([d.response.closed for d in designs], "1", "held in contact at the horizon"),
+        "status": per_switch([d.response.status for d in designs], "1", "outcome of the integration; 0: ok"),
+        "training_g_cm_s": GroupArray(
+            dims=("design",),
+            unit="cm/s",
+            long_name="g on the training ensemble",
+            values=np.array([math.nan if d.training is None else d.training.g_cm_s for d in designs]),
+        ),
+        "training_n_switches": GroupArray(
+            dims=("design",),
+            long_name="size of the training ensemble; 0: a reference design",
+            values=np.array([0 if d.training is None else d.training.n_switches for d in designs]),
+        ),
+    }
+    assessed = [records.assessment_record(d.assessment) for d in designs]
+    for name, first in assessed[0].items():
+        if name not in ("failed", "failure"):
+            dims = ("design", "limit") if isinstance(first, np.ndarray) else ("design",)
+            unit = "cm/s" if name.endswith("_cm_s") else "1"
+            arrays[name] = GroupArray(dims=dims, values=np.array([record[name] for record in assessed]), unit=unit)
+    request = result.request
+    write_group(
+        path,
+        name_of(request.n_switches, request.seed),
+        arrays,
+        {
+            **asdict(request),
+            "stream": STREAM,
+            "sampling": "monte-carlo",
+            "limits_cm_s": [e.limit_cm_s for e in result.best.assessment.p_exceed],
+            "level": result.best.assessment.level,
+            "confidence": result.best.assessment.confidence,
+        },
+        replace=True,
+    )

@@ -1,0 +1,176 @@
+"""Owns what a certification is: designs on fresh switches beside what the campaign believed of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from softclose.config import CampaignConfig
+from softclose.evaluate import judge
+from softclose.metrics.objective import Assessment
+from softclose.metrics.paired import Comparison, compare
+from softclose.waveform import Waveform
+from softclose_store import Campaign
+from softclose_workflows.run.records import StoredResponse
+
+
+class CertifyError(ValueError):
+    """A certification that cannot be made."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """What the campaign believed of a candidate."""
+
+    g_cm_s: float
+    """Objective on the training ensemble [cm/s]."""
+    v_u_cm_s: float
+    """Upper velocity there [cm/s]."""
+    p_nc: float
+    """Fraction not closed there."""
+    n_switches: int
+    """Size of that ensemble."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certified:
+    """One waveform on the fresh switches."""
+
+    name: str
+    """`candidate 17`, `unshaped`, `deterministic`, …"""
+    candidate: int | None
+    """Its index in the campaign; None for a reference design."""
+    waveform: Waveform
+    """What was applied."""
+    response: StoredResponse
+    """V, closed and status of every fresh switch."""
+    assessment: Assessment
+    """Eqs. 7-11 on them."""
+    training: Training | None
+    """What the campaign believed; None for a reference design."""
+
+    @property
+    def flattery_cm_s(self) -> float:
+        """Certified g minus training g [cm/s]: how much the training ensemble flattered it. NaN for a reference."""
+        return math.nan if self.training is None else self.assessment.g_cm_s - self.training.g_cm_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """All that a certification follows from, beside the campaign itself: kept in the attributes of its group."""
+
+    n_switches: int
+    """Fresh switches."""
+    seed: int
+    """Seed of their stream."""
+    top: int
+    """Distinct candidates that were asked for."""
+    committed: int
+    """Candidates that the campaign had committed."""
+    incumbent: int
+    """Candidate that the campaign itself calls best."""
+    candidates: tuple[int, ...]
+    """Certified candidates, in the order of the campaign."""
+    missing: Mapping[str, str]
+    """Reference designs that do not exist for this campaign, and why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certification:
+    """The certified designs of one campaign."""
+
+    request: Request
+    """What was asked."""
+    candidates: tuple[Certified, ...]
+    """Certified candidates, best first."""
+    references: tuple[Certified, ...]
+    """Reference designs on the same switches."""
+
+    @property
+    def n_switches(self) -> int:
+        """Fresh switches."""
+        return self.request.n_switches
+
+    @property
+    def seed(self) -> int:
+        """Seed of their stream."""
+        return self.request.seed
+
+    @property
+    def committed(self) -> int:
+        """Candidates that the campaign had committed."""
+        return self.request.committed
+
+    @property
+    def incumbent(self) -> int:
+        """Candidate that the campaign itself calls best."""
+        return self.request.incumbent
+
+    @property
+    def missing(self) -> Mapping[str, str]:
+        """Reference designs that do not exist for this campaign, and why."""
+        return self.request.missing
+
+    @property
+    def best(self) -> Certified:
+        """The best certified candidate."""
+        return self.candidates[0]
+
+    def comparison(self, reference: Certified) -> Comparison:
+        """The best candidate against another design, switch by switch."""
+        best = self.best
+        return compare(
+            (best.response, best.assessment), (reference.response, reference.assessment), best.assessment.confidence
+        )
+
+
+def assess_fresh(response: StoredResponse, config: CampaignConfig) -> Assessment:
+    """The campaign's own objective, on independent random draws."""
+    return judge(config, response, fresh=True)
+
+
+def assemble(
+    campaign: Campaign,
+    config: CampaignConfig,
+    waveforms: Mapping[str, Waveform],
+    responses: Mapping[str, StoredResponse],
+    request: Request,
+) -> Certification:
+    """The certification of waveforms, by name, from their responses; candidates come out best first."""
+    table = campaign.records()
+    candidates: list[Certified] = []
+    references: list[Certified] = []
+    for name, waveform in waveforms.items():
+        i = candidate_of(name)
+        training = None
+        if i is not None:
+            training = Training(
+                g_cm_s=float(table["g_cm_s"][i]),
+                v_u_cm_s=float(table["v_u_cm_s"][i]),
+                p_nc=float(table["p_nc"][i]),
+                n_switches=int(table["n_switches"][i]),
+            )
+        certified = Certified(
+            name=name,
+            candidate=i,
+            waveform=waveform,
+            response=responses[name],
+            assessment=assess_fresh(responses[name], config),
+            training=training,
+        )
+        (references if i is None else candidates).append(certified)
+    # Ties stay in the order of the campaign, so that the order depends on nothing but the candidates.
+    candidates.sort(key=lambda d: (d.assessment.g_cm_s, d.candidate))
+    return Certification(request=request, candidates=tuple(candidates), references=tuple(references))
+
+
+def candidate_name(i: int) -> str:
+    """What candidate i is called among the designs."""
+    return f"candidate {i}"
+
+
+def candidate_of(name: str) -> int | None:
+    """The inverse of `candidate_name`; None for a reference design."""
+    kind, _, number = name.partition(" ")
+    return int(number) if kind == "candidate" else None

@@ -1,0 +1,70 @@
+"""Owns the reference designs of a campaign: what every optimum must beat, and why one of them may be missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from softclose.config import CampaignConfig
+from softclose.device import ModelError
+from softclose.evaluate import respond
+from softclose.waveform import FloatArray, Waveform
+
+if TYPE_CHECKING:
+    from softclose.ensemble import Responses
+
+UNSHAPED = "unshaped"
+DETERMINISTIC = "deterministic"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class References:
+    """The reference designs within a campaign's limits."""
+
+    designs: dict[str, Waveform]
+    """By name."""
+    missing: dict[str, str] = field(default_factory=dict)
+    """Those that cannot be had, and why, in one sentence."""
+
+
+def reference_designs(config: CampaignConfig) -> References:
+    """The unshaped step, at `reference.step_volts`, and the deterministic design where the limits allow one."""
+    from softclose.baselines import BaselineError, deterministic_design, unshaped
+
+    designs, missing = {UNSHAPED: unshaped(config.reference.step_volts)}, {}
+    try:
+        designs[DETERMINISTIC] = deterministic_design(
+            config.build_population(),
+            max_volts=config.waveform.max_volts,
+            plate_area_um2=config.model.plate_area_um2,
+            horizon_us=config.model.horizon_us,
+        )
+    except BaselineError as e:
+        missing[DETERMINISTIC] = str(e)
+    return References(designs=designs, missing=missing)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedReferences:
+    """The reference designs on given switches."""
+
+    responses: dict[str, tuple[Waveform, Responses]]
+    """Each with what the switches did."""
+    missing: dict[str, str]
+    """Those that there is nothing to show of, and why."""
+
+
+def simulate_references(config: CampaignConfig, switches: FloatArray) -> SimulatedReferences:
+    """What switches (n, 4) do under the reference designs; without the campaign's device model all are missing."""
+    references = reference_designs(config)
+    try:
+        responses = {name: (u, respond(config, switches, u)) for name, u in references.designs.items()}
+    except ModelError as e:
+        return SimulatedReferences(responses={}, missing=dict.fromkeys(references.designs, str(e)) | references.missing)
+    return SimulatedReferences(responses=responses, missing=references.missing)
+
+
+def missing_lines(missing: Mapping[str, str]) -> list[str]:
+    """One line for people for each reference design that is missing."""
+    return [f"no {name} design to compare with: {why}" for name, why in missing.items()]

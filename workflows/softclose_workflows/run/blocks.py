@@ -1,0 +1,47 @@
+"""Owns how a campaign is cut into blocks, the unit of Dask work and of storage: some candidates × some switches.
+
+Everything here follows from the configuration alone, never from the number of workers (DESIGN §2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from softclose.config import CampaignConfig
+from softclose.propose.protocol import Wave
+from softclose_store import StageLayout
+
+
+def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageLayout, ...]:
+    """The stages of a campaign in the order in which they run, each cut into blocks.
+
+    A block holds about `compute.block_switches` simulated switches: several candidates where ensembles are small, a
+    part of one candidate where they are large. No block straddles two waves, so that no chunk has two writers.
+    """
+    stages = []
+    for name in dict.fromkeys(wave.stage for wave in waves):
+        own = [wave for wave in waves if wave.stage == name]
+        n_switches = max(wave.n_switches for wave in own)
+        stages.append(
+            StageLayout(
+                name=name,
+                n_candidates=sum(wave.size for wave in own),
+                n_switches=n_switches,
+                block_candidates=_block_candidates([wave.size for wave in own], n_switches, config.block_switches),
+                block_switches=_block_switches(n_switches, config.block_switches),
+            )
+        )
+    return tuple(stages)
+
+
+def _block_switches(n_switches: int, wanted: int) -> int:
+    """Equal parts of the ensemble, none larger than wanted."""
+    return math.ceil(n_switches / math.ceil(n_switches / wanted))
+
+
+def _block_candidates(sizes: Sequence[int], n_switches: int, wanted: int) -> int:
+    """The most candidates that fit a block and divide every wave but the stage's last, whose remainder is one more."""
+    common = math.gcd(*sizes[:-1]) if len(sizes) > 1 else sizes[0]
+    fitting = max(1, wanted // n_switches)
+    return max(d for d in range(1, min(common, fitting) + 1) if common % d == 0)

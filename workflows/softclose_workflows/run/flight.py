@@ -1,0 +1,132 @@
+"""Owns one wave between its proposal and its commit: what was asked, what has come back, and what that is worth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import CampaignConfig
+from softclose.evaluate import judge
+from softclose.propose.protocol import Proposal, Wave
+from softclose_store import Layout, assessed_digest, proposals_digest
+from softclose_workflows.run import records
+from softclose_workflows.run.tasks import BlockResult, BlockTask, Rows
+
+Place = tuple[int, int]
+"""Row and column of a block in its stage."""
+
+
+@dataclass(slots=True)
+class Flight:
+    """The blocks of one wave and their results so far."""
+
+    wave: Wave
+    proposals: Sequence[Proposal]
+    tasks: dict[Place, BlockTask]
+    results: dict[Place, BlockResult] = field(default_factory=dict)
+    propose_s: float = 0.0
+    """Time that the wave's proposals took [s]."""
+    started: float = field(default_factory=time.monotonic)
+
+    @property
+    def missing(self) -> list[BlockTask]:
+        """Blocks without a result."""
+        return [task for place, task in self.tasks.items() if place not in self.results]
+
+    @property
+    def markers(self) -> dict[Place, NDArray[np.uint64]]:
+        """The digests of every block, as stored."""
+        return {place: result.marker for place, result in self.results.items()}
+
+    def receive(self, task: BlockTask, result: BlockResult) -> None:
+        """Keep a result. Raises ValueError where it is not what the worker's own digest says."""
+        found = assessed_digest(
+            task.stage,
+            *task.place,
+            task.proposals_digest,
+            result.max_contact_speed,
+            result.closed,
+            result.status,
+        )
+        if found != int(result.marker[-1]):
+            raise ValueError(f"the result of {task.name} is not what its worker stored: it was damaged on its way")
+        self.results[task.place] = result
+
+    def rows(self, config: CampaignConfig) -> list[dict[str, Any]]:
+        """The wave's records, in the order of its candidates."""
+        return [self._row(config, i, proposal) for i, proposal in enumerate(self.proposals)]
+
+    def _row(self, config: CampaignConfig, i: int, proposal: Proposal) -> dict[str, Any]:
+        parts = [
+            (result, local)
+            for place in sorted(self.results)
+            for result, task in [(self.results[place], self.tasks[place])]
+            if 0 <= (local := self.wave.start + i - task.first) < len(task.waveforms)
+        ]
+        failed = [result.failures[local] for result, local in parts if local in result.failures]
+        timings = {
+            "wall_propose_s": self.propose_s / self.wave.size,
+            "wall_simulate_s": sum(result.simulate_s / len(result.status) for result, _ in parts),
+        }
+        proposed = records.proposal_record(proposal)
+        if failed:
+            return proposed | records.failed_record(failed[0]) | timings
+        response = records.StoredResponse(
+            max_contact_speed=np.concatenate([result.max_contact_speed[local] for result, local in parts]),
+            closed=np.concatenate([result.closed[local] for result, local in parts]),
+            status=np.concatenate([result.status[local] for result, local in parts]),
+        )
+        return proposed | records.assessment_record(judge(config, response)) | timings
+
+
+def plan_tasks(
+    wave: Wave, proposals: Sequence[Proposal], layout: Layout, *, store: str, fingerprint: str
+) -> dict[Place, BlockTask]:
+    """The blocks of a wave, by place."""
+    stage, first_local = layout.stage_of(wave.start)
+    waveforms: list[Rows] = [
+        tuple((p.start_us, p.rise_us, p.peak_us, p.volts) for p in proposal.waveform.pulses) for proposal in proposals
+    ]
+    tasks = {}
+    digests: dict[int, int] = {}
+    for row, column in layout.wave_blocks(wave.start, wave.size, wave.n_switches):
+        candidates, switches = stage.candidates(row), stage.switches(column)
+        begin = candidates.start - first_local
+        own = tuple(waveforms[begin : candidates.stop - first_local])
+        first = wave.start + begin
+        if row not in digests:
+            digests[row] = proposals_digest([np.array(rows) for rows in own], wave.n_switches, first)
+        tasks[row, column] = BlockTask(
+            store=store,
+            fingerprint=fingerprint,
+            stage=wave.stage,
+            row=row,
+            column=column,
+            first=first,
+            start=switches.start,
+            stop=min(switches.stop, wave.n_switches),
+            waveforms=own,
+            proposals_digest=digests[row],
+        )
+    return tasks
+
+
+def recovered(stored: Mapping[str, NDArray[Any]], marker: NDArray[np.uint64]) -> BlockResult | None:
+    """The result of a block that an earlier run stored; None where a candidate failed, whose reason is not stored."""
+    status = stored["status"].astype(np.int8)
+    if (status < 0).any():
+        return None
+    return BlockResult(
+        max_contact_speed=stored["max_contact_speed"],
+        closed=stored["closed"].astype(np.bool_),
+        status=status,
+        marker=marker,
+        failures={},
+        simulate_s=0.0,
+        store_s=0.0,
+    )

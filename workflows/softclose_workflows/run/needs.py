@@ -1,0 +1,141 @@
+"""Owns what a piece of work would take, in memory and on the disk, said before anything is allocated or created.
+
+The figures are measured, and low rather than high: what is refused would not have come to an end.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from softclose.config import CampaignConfig
+from softclose_workflows.run.executors.placement import Placement
+
+TRAJECTORY_RAW_BYTES = 60.0
+"""V, instants, final state and status of one switch under one waveform, before compression."""
+
+TIME_RAW_BYTES, IMPACT_RAW_BYTES = 8.0, 16.0
+"""x and v (float32) at one instant; time and speed (float64) of one impact."""
+
+BLOCK_FACTOR = 1.3
+"""Memory of a block while it is compressed, over its raw size."""
+
+TRAJECTORY_DISK_BYTES, TIME_DISK_BYTES = 60.0, 1.5
+"""The same compressed: 1.6 bytes an instant near the optimum, 3 in a search that has just begun."""
+
+DRIVER_SWITCH_BYTES = 220.0
+"""Memory of the driver for each switch of the ensemble, while it is drawn and stored."""
+
+WORKER_SWITCH_BYTES = 64.0
+"""Memory of a worker for each switch of the ensemble, while it is read."""
+
+FRESH_SWITCH_BYTES, FRESH_RESPONSE_BYTES, KEPT_RESPONSE_BYTES = 100.0, 38.0, 10.0
+"""Memory for each fresh switch; for each of them under each waveform while it is assessed, and afterwards."""
+
+
+class NeedsError(ValueError):
+    """Work that this machine cannot hold."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Needs:
+    """What a piece of work takes at least."""
+
+    memory_bytes: float
+    """Memory on this machine, of all its processes together."""
+    disk_bytes: float = 0.0
+    """What it will have written at its end."""
+
+
+def of_run(config: CampaignConfig, *, workers: int, committed: int = 0) -> Needs:
+    """A campaign of which `committed` candidates are there already; workers: processes on this machine."""
+    few, many = config.campaign.budget + config.explore.budget, config.finish.budget
+    trajectories = few * config.population.n_switches + many * config.finish.n_switches
+    left = 1.0 - min(committed, config.total_budget) / config.total_budget
+    n, n_times = config.n_switches_max, config.store.n_times
+    raw = TRAJECTORY_RAW_BYTES + TIME_RAW_BYTES * n_times + IMPACT_RAW_BYTES * config.store.max_impacts
+    worker = WORKER_SWITCH_BYTES * n + BLOCK_FACTOR * raw * config.block_switches
+    return Needs(
+        memory_bytes=DRIVER_SWITCH_BYTES * n + workers * worker,
+        disk_bytes=left * trajectories * (TRAJECTORY_DISK_BYTES + TIME_DISK_BYTES * n_times),
+    )
+
+
+def of_ensemble(n_switches: int) -> Needs:
+    """An ensemble drawn and simulated at once in this process, metrics alone."""
+    return Needs(memory_bytes=DRIVER_SWITCH_BYTES * n_switches)
+
+
+def of_fresh(n_switches: int, n_waveforms: int, *, n_kept: int = 0) -> Needs:
+    """Waveforms assessed on fresh switches; n_kept: further ones, of which the responses stay in memory."""
+    per_switch = FRESH_SWITCH_BYTES + FRESH_RESPONSE_BYTES * n_waveforms + KEPT_RESPONSE_BYTES * n_kept
+    return Needs(memory_bytes=n_switches * per_switch, disk_bytes=KEPT_RESPONSE_BYTES * n_switches * n_waveforms)
+
+
+def of_all(parts: Iterable[Needs]) -> Needs:
+    """Work done one after the other."""
+    parts = list(parts)
+    return Needs(
+        memory_bytes=max((p.memory_bytes for p in parts), default=0.0), disk_bytes=sum(p.disk_bytes for p in parts)
+    )
+
+
+def check_run(config: CampaignConfig, placement: Placement, path: str, *, committed: int = 0) -> None:
+    """Refuse a campaign whose ensemble, blocks or trajectories this machine cannot hold."""
+    needs = of_run(config, workers=placement.n_processes, committed=committed)
+    n = config.n_switches_max
+    check(
+        needs,
+        f"{config.total_budget:,} candidates of up to {n:,} switches, {config.store.n_times:,} instants each,",
+        "lower population.n_switches, finish.n_switches, the budgets or store.n_times, or use fewer workers",
+        path=path,
+    )
+
+
+def check_fresh(n_switches: int, n_waveforms: int, *, path: str | Path | None = None) -> None:
+    """Refuse an ensemble of fresh switches that this machine cannot hold."""
+    check(
+        of_fresh(n_switches, n_waveforms),
+        f"{n_waveforms:,} waveforms on {n_switches:,} fresh switches",
+        "lower --switches or --top",
+        path=path,
+    )
+
+
+def check(needs: Needs, what: str, remedy: str, *, path: str | Path | None = None) -> None:
+    """Raise NeedsError where this machine's memory, or the disk that `path` is on, does not hold it.
+
+    what: names the work, `3,500 candidates of 2,000 switches`; remedy: what to lower. A URL has no disk to look at.
+    """
+    there = machine_memory_bytes()
+    problems = []
+    if needs.memory_bytes > there:
+        problems.append(f"{_bytes(needs.memory_bytes)} of memory, of which this machine has {_bytes(there)}")
+    if path is not None and "://" not in str(path):
+        folder = next(p for p in (Path(path).absolute(), *Path(path).absolute().parents) if p.is_dir())
+        free = shutil.disk_usage(folder).free
+        if needs.disk_bytes > free:
+            problems.append(f"{_bytes(needs.disk_bytes)} of disk, of which {_bytes(free)} are free at {folder}")
+    if problems:
+        raise NeedsError(f"{what} would take at least {'; and '.join(problems)}: {remedy}")
+
+
+def machine_memory_bytes() -> float:
+    """Memory of this machine, or of the container or batch job that this process is in."""
+    whole = float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+    try:
+        group = Path("/proc/self/cgroup").read_text(encoding="ascii").rpartition("0::")[2].strip()
+        limit = float(Path(f"/sys/fs/cgroup{group}/memory.max").read_text(encoding="ascii"))
+    except (OSError, ValueError):  # another system, or no limit ("max")
+        return whole
+    return min(whole, limit)
+
+
+def _bytes(n: float) -> str:
+    """`1.2 TB`."""
+    place = min(max(int(math.log10(max(n, 1.0)) // 3), 0), 6)
+    return f"{n / 1000.0**place:.3g} {('B', 'kB', 'MB', 'GB', 'TB', 'PB', 'EB')[place]}"
