@@ -54,6 +54,7 @@ def waveforms(draw: st.DrawFn) -> Waveform:
     return waveform
 
 
+@pytest.mark.slow
 @METHODS
 @settings(max_examples=10, deadline=None, derandomize=True)
 @given(switch=switches, waveform=waveforms())

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = """
 import math, sys
 import numpy as np
+import pytest
 from softclose import Pulse, Waveform, simulate
 waveform = Waveform([Pulse(0, 5, 9, 118), Pulse(40, 20, math.inf, 70)])
 table = np.array([[2.43, 3.68, 65.3, 3.41], [1.9, 4.0, 60.0, 3.2], [2.7, 3.7, 80.0, 3.5]])
@@ -106,6 +107,7 @@ def test_plain_python_gives_the_same_answers_as_compiled_code():
 BITS = """
 import hashlib, math
 import numpy as np
+import pytest
 from softclose import Pulse, Waveform, load_population, simulate
 switches = load_population("current").sample(200, seed=5)
 digest = hashlib.sha256()
@@ -120,6 +122,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_the_process_that_compiles_computes_the_same_bits_as_those_that_load_the_cache(tmp_path: Path):
     # On a fresh install each worker compiles or loads, as it happens: the store may not depend on which.
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT / "pipeline")}
