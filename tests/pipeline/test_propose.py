@@ -13,11 +13,10 @@ import pytest
 from bowl import bits, observe, problem_of, run
 from softclose import plugins
 from softclose.config import load_config
-from softclose.propose.origins import FALLBACK, LOCAL, ORIGINS, SOBOL
+from softclose.propose.origins import FALLBACK, LOCAL, ORIGINS
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import EngineError, Problem, Proposal, load_engine, seen_by
-from softclose.propose.trust_region import TrustRegionRules, replay
 
 ENGINES = ("sobol", "skopt", "cmaes", "direct", "paper")
 
@@ -159,41 +158,3 @@ def test_botorch_is_optional_and_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "botorch", None)
     with pytest.raises(EngineError, match=r"softclose\[botorch\]"):
         load_engine("botorch")
-
-
-RULES = TrustRegionRules(initial=0.8, smallest=0.15, largest=1.6, successes=2, failures=3, improvement_cm_s=0.01)
-
-
-def test_the_trust_region_doubles_halves_and_starts_again():
-    assert replay([30, 29, 28], [SOBOL, LOCAL, LOCAL], RULES).length == 1.6
-    assert replay([30, 31, 31, math.nan], [SOBOL, LOCAL, LOCAL, LOCAL], RULES).length == 0.4
-    again = replay([30.0] * 10, [SOBOL] + [LOCAL] * 9, RULES)
-    assert (again.restarts, again.begin, again.incumbent, again.length) == (1, 10, None, 0.8)
-
-
-def test_the_trust_region_stays_in_the_cube_and_stretches_along_long_axes():
-    region = replay([30.0], [SOBOL], RULES)
-    low, high = region.box(np.array([0.1, 0.5]), np.array([0.2, 0.8]))
-    assert (low >= 0.0).all()
-    assert (high <= 1.0).all()
-    assert high[1] - low[1] > high[0] - low[0]
-
-
-def test_restarts_may_alternate_between_fresh_points_and_the_best_record():
-    rules = TrustRegionRules(
-        initial=0.8, smallest=0.15, largest=1.6, successes=2, failures=3, improvement_cm_s=0.01, fresh_every=2
-    )
-    origins, g = [SOBOL] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
-    around = replay(g, origins, rules)
-    assert (around.restarts, around.begin, around.incumbent, around.length) == (1, 0, 1, 0.8)
-    fresh = replay(g + [32.0] * 9, origins + [LOCAL] * 9, rules)
-    assert (fresh.restarts, fresh.begin, fresh.incumbent) == (2, 20, None)
-
-
-def test_a_restart_that_comes_too_late_to_descend_opens_the_region_around_the_best_record() -> None:
-    rules = dataclasses.replace(RULES, fresh_before=11)
-    origins, g = [SOBOL] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
-    late = replay(g, origins, rules)
-    assert (late.restarts, late.begin, late.incumbent, late.length) == (1, 0, 1, 0.8)
-    early = replay(g, origins, dataclasses.replace(RULES, fresh_before=12))
-    assert (early.restarts, early.begin, early.incumbent) == (1, 11, None)

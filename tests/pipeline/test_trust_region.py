@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from softclose.propose.trust_region import DESIGN, GLOBAL, LOCAL, TrustRegion, TrustRegionRules, replay
+from softclose.propose.origins import GLOBAL, LOCAL, SOBOL
+from softclose.propose.trust_region import TrustRegion, TrustRegionRules, replay
 
 RULES = TrustRegionRules(initial=0.8, smallest=0.15, largest=1.6, successes=2, failures=3, improvement_cm_s=0.5)
 WIDE = dataclasses.replace(RULES, smallest=0.0, largest=100.0)
@@ -16,13 +17,13 @@ WIDE = dataclasses.replace(RULES, smallest=0.0, largest=100.0)
 
 def after(*g: float, rules: TrustRegionRules = WIDE) -> TrustRegion:
     """The region after a design point of 30 cm/s and local candidates with these g."""
-    return replay([30.0, *g], [DESIGN] + [LOCAL] * len(g), rules)
+    return replay([30.0, *g], [SOBOL] + [LOCAL] * len(g), rules)
 
 
 def test_the_trust_region_doubles_halves_and_starts_again() -> None:
-    assert replay([30, 29, 28], [DESIGN, LOCAL, LOCAL], RULES).length == 1.6
-    assert replay([30, 31, 31, math.nan], [DESIGN, LOCAL, LOCAL, LOCAL], RULES).length == 0.4
-    again = replay([30.0] * 10, [DESIGN] + [LOCAL] * 9, RULES)
+    assert replay([30, 29, 28], [SOBOL, LOCAL, LOCAL], RULES).length == 1.6
+    assert replay([30, 31, 31, math.nan], [SOBOL, LOCAL, LOCAL, LOCAL], RULES).length == 0.4
+    again = replay([30.0] * 10, [SOBOL] + [LOCAL] * 9, RULES)
     assert (again.restarts, again.begin, again.incumbent, again.length) == (1, 10, None, 0.8)
 
 
@@ -58,10 +59,10 @@ def test_the_length_stays_between_its_limits() -> None:
 
 
 def test_other_origins_move_the_incumbent_and_nothing_else() -> None:
-    region = replay([30, 29, 28, 27, 40], [DESIGN, GLOBAL, DESIGN, GLOBAL, GLOBAL], WIDE)
+    region = replay([30, 29, 28, 27, 40], [SOBOL, GLOBAL, SOBOL, GLOBAL, GLOBAL], WIDE)
     assert (region.length, region.incumbent, region.begin) == (0.8, 3, 0)
     # It also sets what a local candidate has to beat.
-    assert replay([30, 20, 29, 28], [DESIGN, GLOBAL, LOCAL, LOCAL], WIDE).length == 0.8
+    assert replay([30, 20, 29, 28], [SOBOL, GLOBAL, LOCAL, LOCAL], WIDE).length == 0.8
 
 
 def test_runs_do_not_outlive_a_restart() -> None:
@@ -86,7 +87,7 @@ def test_the_incumbent_is_the_best_record_of_this_restart_or_of_all(seed: int) -
         improvement_cm_s=float(rng.choice([0.0, 0.5])),
     )
     g = np.where(rng.random(80) < 0.1, np.nan, rng.integers(20, 120, 80) / 2.0).tolist()
-    origins = rng.choice([DESIGN, GLOBAL, LOCAL, LOCAL, LOCAL], 80).tolist()
+    origins = rng.choice([SOBOL, GLOBAL, LOCAL, LOCAL, LOCAL], 80).tolist()
     for n in range(1, 81):
         region = replay(g[:n], origins[:n], rules)
         around_the_best = region.incumbent is not None and region.incumbent < region.begin
@@ -109,7 +110,7 @@ def test_the_box_is_as_wide_as_the_region_along_an_average_axis() -> None:
 
 def test_restarts_may_alternate_between_fresh_points_and_the_best_record() -> None:
     rules = dataclasses.replace(RULES, fresh_every=2)
-    origins, g = [DESIGN] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
+    origins, g = [SOBOL] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
     around = replay(g, origins, rules)
     assert (around.restarts, around.begin, around.incumbent, around.length) == (1, 0, 1, 0.8)
     fresh = replay(g + [32.0] * 9, origins + [LOCAL] * 9, rules)
@@ -126,7 +127,7 @@ def test_a_restart_that_saw_no_usable_candidate_begins_elsewhere() -> None:
 
 def test_a_restart_that_comes_too_late_to_descend_opens_the_region_around_the_best_record() -> None:
     rules = dataclasses.replace(RULES, fresh_before=11)
-    origins, g = [DESIGN] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
+    origins, g = [SOBOL] * 2 + [LOCAL] * 9, [31.0, 30.0] + [32.0] * 9
     late = replay(g, origins, rules)
     assert (late.restarts, late.begin, late.incumbent, late.length) == (1, 0, 1, 0.8)
     early = replay(g, origins, dataclasses.replace(RULES, fresh_before=12))
