@@ -249,8 +249,8 @@ class ComputeSection:
     block_switches: Annotated[int, Field(ge=0, le=MAX_SWITCHES, strict=True)] = 0
     """Simulated switches per block (one Dask task), several candidates' where ensembles are small; 0 chooses: 5,120, or
     more where that would cut a candidate into more than 64 blocks."""
-    rtol: Annotated[float, Field(ge=1e-13, le=1e-3)] = 1e-9
-    """Relative tolerance of the integrator."""
+    rtol: Annotated[float, Field(ge=1e-13, le=1e-6)] = 1e-9
+    """Relative tolerance of the integrator; above 1e-6 a step may pass over a contact."""
     method: Literal["taylor", "rk"] = "taylor"
     """Integrator."""
 

@@ -16,7 +16,7 @@ from softclose.waveform import MAX_VOLTS, Waveform
 
 FloatArray = NDArray[np.float64]
 
-RTOL_RANGE = (1e-13, 1e-3)
+RTOL_RANGE = (1e-13, 1e-6)
 """Tolerances that the methods are built for: below, rounding; above, steps too long to look for impacts in."""
 
 

@@ -244,8 +244,8 @@ def test_the_error_falls_with_the_tolerance():
     touched = tight.n_impacts > 0
     assert touched.mean() > 0.5
     errors = []
-    for rtol in (1e-5, 1e-7, 1e-9, 1e-11):
+    for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
         v = simulate(table, waveform, rtol=rtol).max_contact_speed
         errors.append(float(np.median(np.abs(v - tight.max_contact_speed)[touched])))
     assert errors[0] > 10 * errors[1] > 100 * errors[2] > 1000 * errors[3]
-    assert errors[2] < 1e-8
+    assert errors[1] < 1e-7
