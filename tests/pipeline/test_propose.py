@@ -171,6 +171,14 @@ def test_the_trust_region_doubles_halves_and_starts_again():
     assert (again.restarts, again.begin, again.incumbent, again.length) == (1, 10, None, 0.8)
 
 
+def test_a_wave_is_one_success_or_as_many_failures_as_it_has_candidates():
+    origins = [SOBOL] + [LOCAL] * 4
+    assert replay([30, 31, 29, 31, 28], origins, RULES, [0, 1, 1, 2, 2]).length == 1.6
+    assert replay([30, 29, 31, 31, 31], origins, RULES, [0, 1, 1, 1, 1]).length == 0.8
+    assert replay([30, 31, 31, 31, 29], origins, RULES, [0, 1, 1, 1, 2]).length == 0.4
+    assert replay([30, 31, 31, 31, 29], origins, RULES, [0, 1, 1, 1, 1]).length == 0.8
+
+
 def test_the_trust_region_stays_in_the_cube_and_stretches_along_long_axes():
     region = replay([30.0], [SOBOL], RULES)
     low, high = region.box(np.array([0.1, 0.5]), np.array([0.2, 0.8]))
