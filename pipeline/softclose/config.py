@@ -195,9 +195,9 @@ class OptimiserSection:
     length_max: Positive = 1.6
     """Largest width."""
     success_tolerance: Count = 3
-    """Successes in a row that double the trust region."""
+    """Successful waves in a row that double the trust region."""
     failure_tolerance: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 6
-    """Failures in a row that halve it; 0: as many as there are parameters."""
+    """Candidates of failed waves in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""
 

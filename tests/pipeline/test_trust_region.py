@@ -132,3 +132,11 @@ def test_a_restart_that_comes_too_late_to_descend_opens_the_region_around_the_be
     assert (late.restarts, late.begin, late.incumbent, late.length) == (1, 0, 1, 0.8)
     early = replay(g, origins, dataclasses.replace(RULES, fresh_before=12))
     assert (early.restarts, early.begin, early.incumbent) == (1, 11, None)
+
+
+def test_a_wave_is_one_success_or_as_many_failures_as_it_has_candidates():
+    origins = [SOBOL] + [LOCAL] * 4
+    assert replay([30, 31, 29, 31, 28], origins, RULES, [0, 1, 1, 2, 2]).length == 1.6
+    assert replay([30, 29, 31, 31, 31], origins, RULES, [0, 1, 1, 1, 1]).length == 0.8
+    assert replay([30, 31, 31, 31, 29], origins, RULES, [0, 1, 1, 1, 2]).length == 0.4
+    assert replay([30, 31, 31, 31, 29], origins, RULES, [0, 1, 1, 1, 1]).length == 0.8

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from softclose.propose.descents import Descent, continued
 from softclose.propose.explore import stage_g
@@ -35,8 +34,7 @@ class CmaesEngine:
         each, given, lag = _generation(problem), problem.n_initial_waveforms, problem.config.campaign.lag
         number = (wave.start - given) // each
         told = [stage_g(history, given + k * each, given + (k + 1) * each) for k in range(number % lag, number, lag)]
-        with threadpool_limits(limits=1):  # the order of a threaded sum would show in the last bits
-            points = continued(problem, ("cmaes", number % lag), lambda: _begin(problem, number % lag), told).points()
+        points = continued(problem, ("cmaes", number % lag), lambda: _begin(problem, number % lag), told).points()
         waveforms = problem.space.waveforms(points[: wave.size])
         return [Proposal(waveform=w, origin=CMAES, n_switches=wave.n_switches) for w in waveforms]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scipy.optimize import direct
-from threadpoolctl import threadpool_limits
 
 from softclose.propose.origins import DIRECT, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, search_history
@@ -24,10 +23,9 @@ class DirectEngine:
         space = problem.space
         answers = Answers(space, search_history(problem, history))
         bounds = [(0.0, 1.0)] * space.dim
-        with threadpool_limits(limits=1):
-            point = next_point(
-                lambda g: direct(g, bounds, maxfun=100_000, maxiter=10_000, vol_tol=0.0, len_tol=0.0), answers
-            )
+        point = next_point(
+            lambda g: direct(g, bounds, maxfun=100_000, maxiter=10_000, vol_tol=0.0, len_tol=0.0), answers
+        )
         origin = DIRECT
         if point is None or any(space.waveform(point) == w for w in pending):
             origin, point = SOBOL, initial_point(problem, index)

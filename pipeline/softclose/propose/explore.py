@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent, continued
@@ -59,9 +58,8 @@ class ExploreEngine:
             points = np.array([_scout(problem, who, i) for who in sharing for i in range(ladder.n_scouts)])
         else:
             origin = EXPLORE
-            with threadpool_limits(limits=1):  # the order of a threaded sum would show in the last bits
-                runs = [descent(problem, ladder, who, known[who], history) for who in sharing]
-                points = np.concatenate([run.points() for run in runs])
+            runs = [descent(problem, ladder, who, known[who], history) for who in sharing]
+            points = np.concatenate([run.points() for run in runs])
         waveforms = problem.space.waveforms(points[: wave.size])
         return [Proposal(waveform=w, origin=origin, n_switches=wave.n_switches) for w in waveforms]
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from threadpoolctl import threadpool_limits
 
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent, continued
@@ -53,15 +52,14 @@ class FinishEngine:
             found = [Proposal(waveform=o.waveform, origin=RERANK, n_switches=wave.n_switches) for o in basins]
             return (found + _beside(problem, wave, basins[:1]))[: wave.size]
         finished = [o for o in history[begin:] if o.usable]
-        with threadpool_limits(limits=1):  # the order of a threaded sum would show in the last bits
-            if settings.method == "cmaes":
-                points = _descend(problem, wave, history, basins)
-            elif settings.method == "surrogate":
-                from softclose.propose.skopt_engine import polish  # imported where it is used: skopt is slow to import
+        if settings.method == "cmaes":
+            points = _descend(problem, wave, history, basins)
+        elif settings.method == "surrogate":
+            from softclose.propose.skopt_engine import polish  # imported where it is used: skopt is slow to import
 
-                points = polish(problem, wave, finished, pending)
-            else:
-                points = _walk(problem, finished)
+            points = polish(problem, wave, finished, pending)
+        else:
+            points = _walk(problem, finished)
         waveforms = problem.space.waveforms(points[: wave.size]) if len(points) else []
         found = [Proposal(waveform=w, origin=POLISH, n_switches=wave.n_switches) for w in waveforms]
         best = min(finished, key=lambda o: (o.g_cm_s, o.index), default=None)

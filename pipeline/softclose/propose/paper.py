@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from threadpoolctl import threadpool_limits
 
 from softclose.propose.origins import FALLBACK, PAPER_GRID, PAPER_SIMPLEX, PAPER_WIDEN, SOBOL
 from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, search_history
@@ -54,8 +53,7 @@ class PaperEngine:
         if not tried:
             return _proposal(problem, problem.space.waveform(initial_point(problem, place)), FALLBACK)
         start = problem.space.unit(min(tried, key=lambda o: (o.g_cm_s, o.index)).waveform, clip=True)
-        with threadpool_limits(limits=1):
-            point = next_point(lambda g: _simplex(g, start), Answers(problem.space, search))
+        point = next_point(lambda g: _simplex(g, start), Answers(problem.space, search))
         if point is None or any(problem.space.waveform(point) == w for w in pending):
             return _proposal(problem, problem.space.waveform(initial_point(problem, place)), SOBOL)
         return _proposal(problem, problem.space.waveform(point), PAPER_SIMPLEX)

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from softclose.propose.design import design_point
 from softclose.propose.inputs import SWING
@@ -78,7 +77,7 @@ class SkoptEngine:
         data = collect(problem, search)
         if len(data.g) < 2:
             return proposals(design(wave.start), FALLBACK, note="fewer than two usable candidates")
-        region = replay(data.g.tolist(), data.origins, _rules(problem))
+        region = replay(data.g.tolist(), data.origins, _rules(problem), data.waves)
         since = wave.start - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
         if region.begin and (since < settings.n_restart or region.incumbent is None):
             return proposals(design(since, f"again{region.restarts}", region.restarts % 2), RESTART)
@@ -105,7 +104,7 @@ def polish(problem: Problem, wave: Wave, finished: Sequence[Observation], pendin
         return nothing
     settings = problem.config.finish
     rules = replace(_rules(problem), initial=8.0 * settings.sigma, smallest=1e-4, largest=0.8)
-    region = replay(data.g.tolist(), [LOCAL if o == POLISH else o for o in data.origins], rules)
+    region = replay(data.g.tolist(), [LOCAL if o == POLISH else o for o in data.origins], rules, data.waves)
     region = replace(region, incumbent=int(np.argmin(data.g)), begin=0)
     draw = problem.generator("polish", wave.start)
     try:
@@ -146,9 +145,8 @@ def _acquire(
     noise = settings.noise_share * (data.se * per_cm_s) ** 2
     nearest = region.incumbent if region.incumbent is not None else int(np.argmin(data.g))
     centre = data.points[nearest]
-    with warnings.catch_warnings(), threadpool_limits(limits=1):
-        # Convergence of the likelihood is not required, and bounds are met often; the order of a threaded sum would
-        # show in the last bits.
+    with warnings.catch_warnings():
+        # Convergence of the likelihood is not required, and bounds are met often.
         warnings.simplefilter("ignore")
         model = fit(data.inputs, y, noise, settings.fit_iterations, data.inputs[nearest], settings.n_fit)
         hyper = model.kernel_.get_params()

@@ -127,6 +127,7 @@ class SurrogateData:
     se: FloatArray
     origins: tuple[str, ...]
     indices: NDArray[np.int64]
+    waves: tuple[int, ...]
 
 
 def collect(problem: Problem, history: Sequence[Observation]) -> SurrogateData:
@@ -142,6 +143,7 @@ def collect(problem: Problem, history: Sequence[Observation]) -> SurrogateData:
         se=np.array([o.g_se_cm_s if np.isfinite(o.g_se_cm_s) else 0.0 for o in kept], dtype=np.float64),
         origins=tuple(o.origin for o in kept),
         indices=np.array([o.index for o in kept], dtype=np.int64),
+        waves=tuple(o.wave for o in kept),
     )
 
 

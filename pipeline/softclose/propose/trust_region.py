@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,9 @@ class TrustRegionRules:
     smallest: float
     largest: float
     successes: int
-    """Successes in a row before the box doubles."""
+    """Successful waves in a row before the box doubles."""
     failures: int
-    """Failures in a row before it halves."""
+    """Candidates of failed waves in a row before it halves."""
     fresh_every: int = 1
     """Every so many restarts begin elsewhere; the others open the box again around the best record of all."""
     fresh_before: int | None = None
@@ -57,18 +58,29 @@ class TrustRegion:
         return np.clip(centre - half, 0.0, 1.0), np.clip(centre + half, 0.0, 1.0)
 
 
-def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules) -> TrustRegion:
-    """The trust region after the records (g [cm/s], NaN where failed; origin), in their order."""
+def replay(
+    g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules, waves: Sequence[int] | None = None
+) -> TrustRegion:
+    """The trust region after the records (g [cm/s], NaN where failed; origin; wave), in their order.
+
+    A wave succeeds where one of its candidates does: the others were there to look elsewhere. waves: by default every
+    record is one of its own.
+    """
     length, successes, failures, begin, restarts = rules.initial, 0, 0, 0, 0
     incumbent: int | None = None
     best = np.inf
-    for i, (value, origin) in enumerate(zip(g, origins, strict=True)):
-        better = bool(np.isfinite(value)) and value < best - rules.improvement_cm_s
-        if np.isfinite(value) and value < best:
-            best, incumbent = value, i
-        if origin != LOCAL:
+    numbers = range(len(g)) if waves is None else waves
+    for _, grouped in groupby(range(len(g)), key=lambda i: numbers[i]):
+        wave = list(grouped)
+        before = best
+        for i in wave:
+            if np.isfinite(g[i]) and g[i] < best:
+                best, incumbent = g[i], i
+        n_local = sum(origins[i] == LOCAL for i in wave)
+        if not n_local:
             continue
-        successes, failures = (successes + 1, 0) if better else (0, failures + 1)
+        better = best < before - rules.improvement_cm_s
+        successes, failures = (successes + 1, 0) if better else (0, failures + n_local)
         if successes >= rules.successes:
             length, successes = min(2.0 * length, rules.largest), 0
         elif failures >= rules.failures:
@@ -76,10 +88,11 @@ def replay(g: Sequence[float], origins: Sequence[str], rules: TrustRegionRules) 
         if length < rules.smallest:
             length, successes, failures = rules.initial, 0, 0
             restarts += 1
-            finite = [(v, j) for j, v in enumerate(g[: i + 1]) if np.isfinite(v)]
-            room = rules.fresh_before is None or i + 1 < rules.fresh_before
+            seen = wave[-1] + 1
+            finite = [(v, j) for j, v in enumerate(g[:seen]) if np.isfinite(v)]
+            room = rules.fresh_before is None or seen < rules.fresh_before
             if not finite or (room and restarts % rules.fresh_every == 0):
-                begin, best, incumbent = i + 1, np.inf, None
+                begin, best, incumbent = seen, np.inf, None
             else:
                 best, incumbent = min(finite)
     return TrustRegion(length=length, incumbent=incumbent, begin=begin, restarts=restarts)
