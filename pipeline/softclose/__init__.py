@@ -19,21 +19,43 @@ campaign's identity."""
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig as CampaignConfig
     from softclose.config import load_config as load_config
+    from softclose.device import CannotSimulate as CannotSimulate
+    from softclose.device import DeviceModel as DeviceModel
     from softclose.ensemble import Responses as Responses
+    from softclose.ensemble import Status as Status
     from softclose.ensemble import simulate as simulate
     from softclose.metrics.objective import Assessment as Assessment
     from softclose.metrics.objective import assess as assess
+    from softclose.plugins import EngineError as EngineError
+    from softclose.plugins import ModelError as ModelError
     from softclose.population import Population as Population
     from softclose.population import load_population as load_population
+    from softclose.propose.protocol import Engine as Engine
+    from softclose.propose.protocol import Observation as Observation
+    from softclose.propose.protocol import Problem as Problem
+    from softclose.propose.protocol import Proposal as Proposal
+    from softclose.propose.protocol import Wave as Wave
+    from softclose.propose.protocol import WaveEngine as WaveEngine
     from softclose.waveform import Pulse as Pulse
     from softclose.waveform import Waveform as Waveform
 
 _HOME = {
     "Assessment": "metrics.objective",
     "CampaignConfig": "config",
+    "CannotSimulate": "device",
+    "Wave": "propose.protocol",
+    "WaveEngine": "propose.protocol",
+    "DeviceModel": "device",
+    "Engine": "propose.protocol",
+    "EngineError": "plugins",
+    "ModelError": "plugins",
+    "Observation": "propose.protocol",
     "Population": "population",
+    "Problem": "propose.protocol",
+    "Proposal": "propose.protocol",
     "Pulse": "waveform",
     "Responses": "ensemble",
+    "Status": "ensemble",
     "Waveform": "waveform",
     "assess": "metrics.objective",
     "load_config": "config",
@@ -48,10 +70,21 @@ __all__ = [  # noqa: RUF022 - the order a reader meets them in
     "load_population",
     "simulate",
     "Responses",
+    "Status",
     "assess",
     "Assessment",
     "CampaignConfig",
     "load_config",
+    "DeviceModel",
+    "Engine",
+    "Problem",
+    "Proposal",
+    "Observation",
+    "EngineError",
+    "ModelError",
+    "CannotSimulate",
+    "WaveEngine",
+    "Wave",
     "ALGORITHM",
     "__version__",
 ]

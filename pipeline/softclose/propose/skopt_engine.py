@@ -2,8 +2,9 @@
 
 Composed from `skopt.learning` and `skopt.acquisition` rather than `skopt.Optimizer`, whose state lives across calls,
 whose `tell` refuses points outside its space, and whose `space_constraint` turns the acquisition search into plain
-sampling. Method: Matérn-5/2 with one length scale per axis plus white noise; expected improvement, alternately in a
-trust region around the incumbent and everywhere; see ADR 031 and 034 to 036 for what was measured.
+sampling. Method: a design where the lot may land, then Matérn-5/2 with one length scale per input plus white noise and
+expected improvement in a trust region around the incumbent (everywhere only every `optimiser.global_every` proposals);
+see ADR 031 and 034 to 036 for what was measured.
 """
 
 from __future__ import annotations
