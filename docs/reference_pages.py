@@ -168,31 +168,31 @@ def kind(annotation: Any) -> str:
 
 
 def schema_page() -> str:
-    """Every array of a store: dimensions, type, unit, meaning, who writes it."""
-    from softclose_store import layout
+    """Every array of a store: dimensions, type, unit, meaning, who writes it; and every column of its tables."""
+    from softclose_store.schema import fields, hierarchy
 
     lines = [
         "# Store schema",
         "",
-        f"Schema version {layout.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy; the arrays lie at its root, "
-        "with named dimensions and `units` in their attributes. Lengths along `candidate` are those of the committed "
-        "candidates.",
+        f"Schema version {fields.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy. Tables of candidates lie "
+        "at its root, each stage (search, explore, finish) is a group. Dimensions are named, `units` are in the "
+        "attributes, or beside the coordinate that names the columns. Lengths along `candidate` and `stage_candidate` "
+        "are those of the committed candidates.",
         "",
-        "The roles say who writes what: *switch* arrays come from the workers, chunk by chunk; *proposal* and *record* "
-        "arrays from the driver, before and after the chunks; *wall* arrays hold timings, the only values that two "
-        "runs of one campaign do not share; *digest* and *marker* arrays hold the checksums that `verify` compares.",
+        "The roles say who writes what: *block* arrays and their *marker* come from the workers, a file an array and "
+        "block; *table* arrays from the driver, at each commit. Timings are the only values that two runs of one "
+        "campaign do not share.",
         "",
         "## The ensemble",
         "",
         "| array | dimensions | type | unit | meaning |",
         "| --- | --- | --- | --- | --- |",
     ]
-    for name, (meaning, unit) in layout.POPULATION.items():
+    for name, (meaning, unit) in fields.POPULATION.items():
         lines.append(f"| `{name}` | switch | f8 | {cell(unit)} | {cell(meaning)} |")
     for title, specs in (
-        ("Per switch", layout.SWITCH_ARRAYS),
-        ("Per candidate", layout.CANDIDATE_ARRAYS),
-        ("Markers", (layout.MARKER,)),
+        ("At the root", hierarchy.TABLES.values()),
+        ("In the group of a stage", (*hierarchy.BLOCK_SPECS.values(), hierarchy.MARKER)),
     ):
         lines += [
             "",
@@ -205,6 +205,15 @@ def schema_page() -> str:
             f"| `{s.name}` | {', '.join(s.dims)} | {s.dtype} | {cell(s.unit)} | {s.role} | {cell(s.long_name)} |"
             for s in specs
         ]
+    for title, columns in (
+        ("Columns of `records` (two pulses, one limit)", fields.number_fields(2, (19.7,))),
+        ("Columns of `words`", fields.WORDS),
+        ("Columns of `wall_times`", fields.WALL),
+        ("Columns of `response`", fields.QUANTITIES),
+        ("Columns of `impact`", fields.IMPACT_QUANTITIES),
+    ):
+        lines += ["", f"## {title}", "", "| column | type | unit | meaning |", "| --- | --- | --- | --- |"]
+        lines += [f"| `{c.name}` | {c.type} | {cell(c.unit)} | {cell(c.long_name)} |" for c in columns]
     return "\n".join(lines) + "\n"
 
 
