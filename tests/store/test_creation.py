@@ -94,7 +94,7 @@ def test_sizes_are_positive_integers(field, value):
         layout(**{field: value}) if field == "n_pulses" else replace(SEARCH, **{field: value})
 
 
-@pytest.mark.parametrize("name", ["", "Search", "a/b", "..", "runtime", "records", "search ", 3])
+@pytest.mark.parametrize("name", ["", "Search", "a/b", "..", "runtime", "records", "hyperparameter", "search ", 3])
 def test_a_stages_name_is_a_plain_name(name):
     with pytest.raises(LayoutError, match="a stage is called"):
         replace(SEARCH, name=name)

@@ -236,6 +236,7 @@ def test_blocks_outside_the_store_are_refused(path, stage, i, j):
         ({"waveform": np.ones((3, 4))}, "1 to 2 pulses"),
         ({"waveform": np.ones(4)}, "1 to 2 pulses"),
         ({"n_switches": 9}, "one wave has one number"),
+        ({"n_switches": "ten"}, "must be one number of type int"),
         ({"surrogate": {str(k): 1.0 for k in range(33)}}, "up to 32"),
         ({"surrogate": {"": 1.0}}, "all named"),
         ({"orign": "x"}, "did you mean origin"),

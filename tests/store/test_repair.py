@@ -155,6 +155,26 @@ def test_repairs_at_random_give_the_same_store(finished, original):
         assert contents(finished) == contents(original)
 
 
+def test_names_of_surrogate_quantities_that_are_lost_with_the_root_come_back(finished, original):
+    for key in ("zarr.json", "hyperparameter/c.0"):
+        (finished / key).write_bytes(b"")
+    done = repair(finished, recompute())
+    assert done.ok, done.after.problems
+    assert {"surrogate.noise", "surrogate.scale"} <= set(open_campaign(finished).records())
+    assert contents(finished) == contents(original)
+
+
+def test_a_folder_in_the_place_of_a_file_is_somebodys_and_kept(finished, original):
+    key = "search/x/c.0.0.0"
+    (finished / key).unlink()
+    (finished / key).mkdir()
+    (finished / key / "thesis.tex").write_text("precious")
+    done = repair(finished, recompute())
+    assert done.ok, done.after.problems
+    assert contents(finished) == contents(original)
+    assert (finished.with_name("copy.zarr.strays") / key / "thesis.tex").read_text() == "precious"
+
+
 def test_lost_timings_are_said_to_be_lost(finished, original):
     (finished / "wall_times" / "c.0.0").unlink()
     done = repair(finished, recompute())
@@ -300,7 +320,7 @@ def test_damaged_blocks_of_a_wave_in_flight_go_and_a_resume_computes_them(tmp_pa
 
 
 def test_what_a_kill_left_behind_goes(finished):
-    (finished / "search" / "x" / "c.0.0.0.abc.partial").write_bytes(b"?")
+    (finished / "search" / "x" / f"c.0.0.0.{'0a' * 16}.partial").write_bytes(b"?")
     assert repair(finished, recompute()).ok
     assert not list(finished.rglob("*.partial"))
 

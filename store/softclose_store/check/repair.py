@@ -32,7 +32,7 @@ from softclose_store.disk.files import (
     write_key,
 )
 from softclose_store.disk.lock import DriverLock
-from softclose_store.disk.names import PARTIAL
+from softclose_store.disk.names import is_partial
 from softclose_store.errors import DamageError, StoreError
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.schema import digests
@@ -102,6 +102,7 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
     lock = DriverLock(path)
     lock.acquire(break_lock=break_lock)
     try:
+        _set_strays_aside(path, report, log)
         if {p.kind for p in report.problems} & {"root", "schema", "static"}:
             _repair_frame(path, recompute, log)
     finally:
@@ -112,17 +113,21 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
         _repair_waves(store, recompute, report, log)
         _remove_pending(store, report, log)
     _repair_groups(path, recompute, verify(path), log)
-    strays = [p.key for p in verify(path).problems if p.kind == "unknown"]
-    for key, place in zip(strays, set_aside(path, strays), strict=True):
-        log.add(f"{key} does not belong to the store; it is now {place}", proved=True)
+    _set_strays_aside(path, verify(path), log)  # those that a damaged frame hid
     remove_orphans(path)
     return RepairReport(proved=tuple(log.proved), unproved=tuple(log.unproved), after=verify(path))
+
+
+def _set_strays_aside(path: StorePath, report: Report, log: _Log) -> None:
+    strays = [p.key for p in report.problems if p.kind == "unknown"]
+    for key, place in zip(strays, set_aside(path, strays), strict=True):
+        log.add(f"{key} does not belong to the store; it is now {place}", proved=True)
 
 
 def remove_orphans(path: StorePath) -> list[str]:
     """Delete the temporary files that a kill left behind; returns their keys. For stores that nobody is writing."""
     files = open_files(path, read_only=False)
-    orphans = [key for key in list_keys(files) if key.endswith(PARTIAL)]
+    orphans = [key for key in list_keys(files) if is_partial(key)]
     for key in orphans:
         delete_key(files, key)
     return orphans
@@ -232,8 +237,11 @@ def _repair_waves(store: RepairStore, recompute: Recompute, report: Report, log:
         rows = range(local // stage.block_candidates, -(-(local + size) // stage.block_candidates))
         own = {block for block in blocks if block[0] == stage.name and block[1] in rows}
         proposals = [i for i in candidates if "proposal" in kinds.get(i, ())]
+        lost_names = store.lost_names()
+        again = recompute.proposals(store, start, size) if proposals or lost_names else ()
+        for row in again if lost_names else ():
+            store.learn_names(row)
         if proposals:
-            again = recompute.proposals(store, start, size)
             for i in proposals:
                 _repair_proposal(store, i, again[i - start], log)
             own |= _not_stored(store, stage.name, start, size)

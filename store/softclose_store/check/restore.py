@@ -57,6 +57,15 @@ class RepairStore(DriverStore):
         candidates = range(first + rows.start, first + rows.stop)
         return all(self.candidate_markers(i) == int(self._table.digests[i, MARKERS]) for i in candidates)
 
+    def lost_names(self) -> bool:
+        """True where a quantity of a surrogate is stored whose name nothing says any more."""
+        return self._table.n_hyperparameters() > len(self._hyperparameters)
+
+    def learn_names(self, row: Mapping[str, Any]) -> None:
+        """Take the names of a proposal's surrogate quantities, in the order in which a commit would have met them."""
+        surrogate = dict(row.get("surrogate") or {})
+        self._hyperparameters += [name for name in surrogate if name not in self._hyperparameters]
+
     def restore_proposal(self, i: int, row: Mapping[str, Any]) -> int:
         """Set the proposal of candidate i in memory only, for a repair; returns its digest."""
         check_names(row, PROPOSED)

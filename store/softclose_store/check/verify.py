@@ -14,7 +14,7 @@ from softclose_store.check.committed import remains
 from softclose_store.check.report import BlockOf, Kind, Problem, Report
 from softclose_store.disk.files import StorePath, list_keys, normalised, open_files, read_key
 from softclose_store.disk.lock import LOCK_KEY
-from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, PARTIAL, chunk_key
+from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreMissingError
 from softclose_store.groups import group_keys, group_problems, result_groups
 from softclose_store.read.arrays import UNREADABLE, read_array
@@ -92,7 +92,7 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
             if "root" in {p.kind for p in check.problems} and not _reads(files, where):
                 n_committed = remains(files, layout, check.keys, where).n
             _check_hyperparameters(check, root)
-            _check_candidates(check, n_committed, layout)
+            _check_candidates(check, n_committed, layout, len(root.attributes["hyperparameters"]))
         _check_groups(check, root.metadata)
         if usable:  # without a schema nothing says what belongs here
             _check_files(check, keys, layout, n_committed)
@@ -101,7 +101,7 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
         n_committed=n_committed,
         n_blocks=check.n_blocks,
         problems=tuple(check.problems),
-        orphans=tuple(key for key in keys if key.endswith(PARTIAL)),
+        orphans=tuple(key for key in keys if is_partial(key)),
     )
 
 
@@ -173,6 +173,10 @@ def _check_schema(check: _Check, root: Root) -> tuple[Layout, bool]:
 
 def _check_metadata(check: _Check, root: Root, layout: Layout) -> bool:
     names = [name for name in root.metadata if name != "runtime"]
+    for name in names:
+        if not is_safe(name):
+            check.add("root", f"the root names {name!r}, which is no array of a store", key=ROOT_KEY)
+            return False
     contents = {f"{name}/zarr.json": read_key(check.files, f"{name}/zarr.json") or b"" for name in names}
     check.expected |= set(contents)
     if metadata_digest(contents) == root.attributes["metadata_digest"]:
@@ -216,9 +220,11 @@ def _check_hyperparameters(check: _Check, root: Root) -> None:
         check.add("static", f"{key} is not what was written", key=key)
 
 
-def _check_candidates(check: _Check, n: int, layout: Layout) -> None:
+def _check_candidates(check: _Check, n: int, layout: Layout, n_names: int) -> None:
     table = Table(layout, layout.n_candidates)
     table.load(check.files, n, check.where, tolerate_damage=True)
+    if table.n_hyperparameters() > n_names and not any(p.kind == "root" for p in check.problems):
+        check.add("static", "the names of the surrogate's quantities are lost", key=chunk_key(HYPERPARAMETER, 0))
     # A missing file reads as fill values, which can equal what was written: it is damage all the same.
     for name in TABLES:
         for i_chunk in range(table.chunks_of(n)):
@@ -347,7 +353,7 @@ def _check_groups(check: _Check, own_names: Collection[str]) -> None:
         for problem in group_problems(check.files, name):
             check.add("group", problem, group=name)
     for name in lost:
-        check.expected |= {key for key in check.keys if key.startswith(f"{name}/") and not key.endswith(PARTIAL)}
+        check.expected |= {key for key in check.keys if key.startswith(f"{name}/") and not is_partial(key)}
         check.add("group", f"{name}/zarr.json is lost or not what was written", group=name)
     for name in (*found, *lost):
         parts = name.split("/")
@@ -380,7 +386,7 @@ def _check_files(check: _Check, keys: list[str], layout: Layout, n: int) -> None
     """Every file must belong to something."""
     check.expected |= {chunk_key(name, i, 0) for name in TABLES for i in range(layout.n_table_chunks)}
     for key in keys:
-        if key in check.expected or key.endswith(PARTIAL) or _may_be_pending(layout, key, n):
+        if key in check.expected or is_partial(key) or _may_be_pending(layout, key, n):
             continue
         check.add("unknown", f"{key} does not belong to this store", key=key)
 

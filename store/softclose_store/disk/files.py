@@ -83,6 +83,12 @@ class LocalFiles(LocalStore):
             fault="inside-chunk-write" if self.blind and is_chunk_key(key) else "",
         )
 
+    async def delete(self, key: str) -> None:
+        """Remove a file, or a link itself; never a folder, nor what is in one."""
+        self._check_writable()
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(os.path.join(self.root, key))
+
 
 def write_file(path: str, content: Any, *, durable: bool, fault: str = "") -> None:
     """Write `path` atomically: a temporary file beside it, renamed over it. Synced, with its folder, if durable."""

@@ -16,6 +16,7 @@ array, which cost more than its small files."""
 PARTIAL = ".partial"
 """Suffix of a file that is being written; a kill leaves it behind, and nothing reads it."""
 
+_PARTIAL = re.compile(r"\.[0-9a-f]{32}\.partial$")
 _PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _IN_ARRAY = re.compile(r"zarr\.json|c(\.\d+)*|c(/\d+)*")
 
@@ -28,6 +29,11 @@ def chunk_key(name: str, *indices: int) -> str:
 def is_chunk_key(key: str) -> bool:
     """True for the key of a chunk, false for metadata."""
     return key.rpartition("/")[2].startswith(f"c{CHUNK_KEY_SEPARATOR}")
+
+
+def is_partial(key: str) -> bool:
+    """True for a file that a killed writer left behind; one that is merely called so is somebody's."""
+    return _PARTIAL.search(key) is not None
 
 
 def is_safe(key: str) -> bool:

@@ -142,6 +142,11 @@ class Table:
         stage, _ = self.layout.stage_of(i)
         return int(value) if value.is_integer() and 0 < value <= stage.n_switches else 0
 
+    def n_hyperparameters(self) -> int:
+        """Columns of `surrogate` that are in use."""
+        used = np.flatnonzero(~np.isnan(self.surrogate).all(axis=0)) if self.n else np.empty(0, dtype=int)
+        return int(used[-1]) + 1 if used.size else 0
+
     def block_proposals(self, stage: StageLayout, i_block: int) -> tuple[int, int]:
         """Digest of the proposals of one row of blocks, and their number of switches (0: damaged)."""
         first = self.layout.first(stage.name)

@@ -35,7 +35,9 @@ TABLE_CHUNK = 128
 """Most candidates in one chunk of a table: few files, and a commit rewrites only the last of each."""
 
 _STAGE_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
-RESERVED = frozenset({"runtime", "records", "words", "surrogate", "digests"})
+RESERVED = frozenset({"runtime", "records", "words", "surrogate", "digests", "wall_times", "hyperparameter"}) | {
+    name for stem in ("field", "word", "digest", "wall_time") for name in (stem, f"{stem}_unit", f"{stem}_long_name")
+}
 """Names at a store's root that no stage may take."""
 
 

@@ -29,6 +29,7 @@ from softclose_store.write.rows import (
     TIMED,
     check_names,
     check_waveform,
+    n_switches_of,
     set_proposal,
     set_result,
     set_timings,
@@ -218,7 +219,7 @@ class DriverStore:
         for row in rows:
             check_names(row, PROPOSED | ASSESSED | TIMED)
             check_waveform(self.layout, row)
-        sizes = {int(row["n_switches"]) for row in rows}
+        sizes = {n_switches_of(row) for row in rows}
         if len(sizes) > 1:
             raise RecordError(
                 f"the candidates of a wave have {sorted(sizes)} switches; one wave has one number of them"

@@ -60,6 +60,11 @@ def set_proposal(table: Table, i: int, row: Mapping[str, Any], hyperparameters: 
     return digest
 
 
+def n_switches_of(row: Mapping[str, Any]) -> int:
+    """Switches of a row's candidate; raises RecordError for what is no whole number."""
+    return int(_number(N_SWITCHES, row["n_switches"]))
+
+
 def check_waveform(layout: Layout, row: Mapping[str, Any]) -> None:
     """Raise RecordError unless a row has a proposal that the layout can hold."""
     missing = [name for name in ("waveform", "n_switches", "origin") if name not in row]
