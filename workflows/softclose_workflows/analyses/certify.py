@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
-from softclose.metrics.objective import Assessment
+from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.population import Population
 from softclose.waveform import FloatArray, Waveform
@@ -32,7 +32,6 @@ from softclose_store import (
     write_group,
 )
 from softclose_workflows.run import needs, records
-from softclose_workflows.run.records import StoredResponse
 from softclose_workflows.tell.console import Step
 
 GROUP = "certification"
@@ -79,7 +78,7 @@ class Certified:
     """Its index in the campaign; None for a reference design."""
     waveform: Waveform
     """What was applied."""
-    response: StoredResponse
+    response: Judged
     """V, closed and status of every fresh switch."""
     assessment: Assessment
     """Eqs. 7-11 on them."""
@@ -175,7 +174,7 @@ def read_certification(path: str) -> Certification | None:
         for name, rows in zip(a["name"], a["waveform"], strict=True)
     }
     responses = [
-        StoredResponse(max_contact_speed=v, closed=closed, status=status)
+        Judged(max_contact_speed=v, closed=closed, status=status)
         for v, closed, status in zip(a["max_contact_speed"], a["closed"], a["status"], strict=True)
     ]
     result = _assemble(
@@ -197,7 +196,7 @@ def simulate_fresh(
     seed: int,
     threads: int = 1,
     listener: Step | None = None,
-) -> list[StoredResponse]:
+) -> list[Judged]:
     """Metrics of every waveform on the same fresh switches of the campaign's population, a chunk at a time."""
     from softclose.evaluate import respond
 
@@ -216,10 +215,10 @@ def simulate_fresh(
             done += len(switches)
             if listener is not None:
                 listener(done, total)
-    return [StoredResponse(max_contact_speed=v[i], closed=closed[i], status=status[i]) for i in range(len(waveforms))]
+    return [Judged(max_contact_speed=v[i], closed=closed[i], status=status[i]) for i in range(len(waveforms))]
 
 
-def assess_fresh(response: StoredResponse, config: CampaignConfig) -> Assessment:
+def assess_fresh(response: Judged, config: CampaignConfig) -> Assessment:
     """The campaign's own objective, on independent random draws."""
     return judge(config, response, fresh=True)
 
@@ -267,7 +266,7 @@ def _assemble(
     campaign: Campaign,
     config: CampaignConfig,
     waveforms: Mapping[str, Waveform],
-    responses: list[StoredResponse],
+    responses: list[Judged],
     n_switches: int,
     seed: int,
     incumbent: int,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,26 +11,14 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
-from softclose.metrics.objective import Assessment
+from softclose.metrics.objective import Assessment, Judged
 from softclose.propose.protocol import Observation, Proposal
-from softclose.waveform import FloatArray, Waveform
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredResponse:
-    """The part of a response that the objective needs, as read back from the store."""
-
-    max_contact_speed: FloatArray
-    """(n,) [µm/µs], NaN where the switch never touches."""
-    closed: NDArray[np.bool_]
-    """(n,) held in contact at the horizon."""
-    status: NDArray[np.int8]
-    """(n,) 0 where the switch was integrated."""
+from softclose.waveform import Waveform
 
 
 def assess_stored(stored: Mapping[str, NDArray[Any]], config: CampaignConfig) -> Assessment:
     """Assess the per-switch arrays of one candidate as the store holds them."""
-    response = StoredResponse(
+    response = Judged(
         max_contact_speed=stored["max_contact_speed"],
         closed=stored["closed"].astype(np.bool_),
         status=stored["status"],
