@@ -69,8 +69,8 @@ def test_calibration_writes_a_population_that_run_accepts(tmp_path: Path) -> Non
     ("arguments", "message"),
     [
         (["nowhere.csv", "-o", "x.toml"], "cannot be read"),
-        ([EXAMPLE, "-o", "x.json"], "ending in .toml"),
-        ([EXAMPLE, "-o", "missing/x.toml", "--bootstrap", "20"], "cannot be written"),
+        ([EXAMPLE, "-o", "x.json"], "does not end in .toml"),
+        ([EXAMPLE, "-o", "missing/x.toml", "--bootstrap", "20"], "is no folder"),
         ([EXAMPLE, "-o", "x.toml", "--bounds", "D=2.3"], "D=2.3:2.7"),
         ([EXAMPLE, "-o", "x.toml", "--bounds", "D=2.5:2.7"], "widen"),
         ([EXAMPLE, "-o", "x.toml", "--bootstrap", "3"], "at least 20"),

@@ -42,6 +42,18 @@ class Response(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """The least that is judged of a response: gathered from several, fresh, or read back from a store."""
+
+    max_contact_speed: FloatArray
+    """(n,) V of Eq. 7 [µm/µs]; NaN where the switch never touches."""
+    closed: NDArray[np.bool_]
+    """(n,) held in contact at the horizon."""
+    status: NDArray[np.int8]
+    """(n,) 0 where the switch was integrated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Exceedance:
     """P(V > limit) among the switches that made contact."""
 

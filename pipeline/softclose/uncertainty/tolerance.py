@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from softclose.config import CampaignConfig, load_config
 from softclose.evaluate import judge, respond
-from softclose.metrics.objective import Assessment
+from softclose.metrics.objective import Assessment, Judged
 from softclose.waveform import Pulse, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -99,7 +99,7 @@ def drive_tolerance(
         for share, drive in _drives(len(table), waveform, error, n_generators, seed):
             r = respond(settings, table[share], drive)
             speed[share], closed[share], status[share] = r.max_contact_speed, r.closed, r.status
-        return judge(settings, _Gathered(speed, closed, status), fresh=True)
+        return judge(settings, Judged(max_contact_speed=speed, closed=closed, status=status), fresh=True)
 
     perfect = run(DriveError())
     rows = [DriveTolerance(error=DriveError(), assessment=perfect, v_u_shift_cm_s=0.0, p_nc_shift=0.0)]
@@ -114,13 +114,6 @@ def drive_tolerance(
             )
         )
     return tuple(rows)
-
-
-@dataclass(frozen=True, slots=True)
-class _Gathered:
-    max_contact_speed: FloatArray
-    closed: NDArray[np.bool_]
-    status: NDArray[np.int8]
 
 
 def _drives(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
+from softclose.metrics.objective import Judged
 from softclose.waveform import Waveform
 from softclose_store import GroupArray, group_attributes, list_groups, open_campaign, read_group, write_group
 from softclose_workflows.analyses.certification import (
@@ -25,7 +26,6 @@ from softclose_workflows.analyses.certification import (
     candidate_of,
 )
 from softclose_workflows.run import records
-from softclose_workflows.run.records import StoredResponse
 
 GROUP = "certification"
 """Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
@@ -79,7 +79,7 @@ def read_certificate(path: str, name: str) -> Certification:
         for name, rows in zip(names, a["waveform"], strict=True)
     }
     responses = {
-        name: StoredResponse(max_contact_speed=v, closed=closed, status=status)
+        name: Judged(max_contact_speed=v, closed=closed, status=status)
         for name, v, closed, status in zip(names, a["max_contact_speed"], a["closed"], a["status"], strict=True)
     }
     certified = sorted(i for i in map(candidate_of, names) if i is not None)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
-from softclose.metrics.objective import Assessment
+from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.waveform import Waveform
 from softclose_store import Campaign
-from softclose_workflows.run.records import StoredResponse
 
 
 class CertifyError(ValueError):
@@ -43,7 +42,7 @@ class Certified:
     """Its index in the campaign; None for a reference design."""
     waveform: Waveform
     """What was applied."""
-    response: StoredResponse
+    response: Judged
     """V, closed and status of every fresh switch."""
     assessment: Assessment
     """Eqs. 7-11 on them."""
@@ -125,7 +124,7 @@ class Certification:
         )
 
 
-def assess_fresh(response: StoredResponse, config: CampaignConfig) -> Assessment:
+def assess_fresh(response: Judged, config: CampaignConfig) -> Assessment:
     """The campaign's own objective, on independent random draws."""
     return judge(config, response, fresh=True)
 
@@ -134,7 +133,7 @@ def assemble(
     campaign: Campaign,
     config: CampaignConfig,
     waveforms: Mapping[str, Waveform],
-    responses: Mapping[str, StoredResponse],
+    responses: Mapping[str, Judged],
     request: Request,
 ) -> Certification:
     """The certification of waveforms, by name, from their responses; candidates come out best first."""

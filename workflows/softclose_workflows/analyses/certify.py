@@ -13,6 +13,7 @@ import numpy as np
 
 from softclose.config import CampaignConfig
 from softclose.metrics.intervals import least_for_quantile_interval
+from softclose.metrics.objective import Judged
 from softclose.population import Population
 from softclose.waveform import FloatArray, Waveform
 from softclose_store import Campaign, DamageError, StoreMissingError, group_attributes, open_campaign
@@ -26,7 +27,6 @@ from softclose_workflows.analyses.certification import Request, assemble, candid
 from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
-from softclose_workflows.run.records import StoredResponse
 from softclose_workflows.tell.console import Step
 
 PART = 10_000
@@ -137,7 +137,7 @@ def _certified(
     campaign: Campaign,
     config: CampaignConfig,
     request: Request,
-    have: dict[str, StoredResponse],
+    have: dict[str, Judged],
     *,
     threads: int = 1,
     listener: Step | None = None,
@@ -170,7 +170,7 @@ def simulate_fresh(
     seed: int,
     threads: int = 1,
     listener: Step | None = None,
-) -> list[StoredResponse]:
+) -> list[Judged]:
     """Metrics of every waveform on the same fresh switches of the campaign's population, a part at a time."""
     from softclose.evaluate import respond
 
@@ -189,7 +189,7 @@ def simulate_fresh(
             done += len(switches)
             if listener is not None:
                 listener(done, total)
-    return [StoredResponse(max_contact_speed=v[i], closed=closed[i], status=status[i]) for i in range(len(waveforms))]
+    return [Judged(max_contact_speed=v[i], closed=closed[i], status=status[i]) for i in range(len(waveforms))]
 
 
 def _choose(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
+from softclose.metrics.objective import Judged
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Problem
@@ -164,7 +165,7 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
     row = local // stage.block_candidates
     parts = [store.read_assessed(stage.name, row, column, n_switches) for column in range(stage.blocks_of(n_switches))]
     at = local - stage.candidates(row).start
-    response = records.StoredResponse(
+    response = Judged(
         max_contact_speed=np.concatenate([part["max_contact_speed"][at] for part in parts]),
         closed=np.concatenate([part["closed"][at] for part in parts]).astype(np.bool_),
         status=np.concatenate([part["status"][at] for part in parts]),

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
-from softclose.metrics.objective import Assessment
+from softclose.metrics.objective import Assessment, Judged
 from softclose_store import open_campaign
-from softclose_workflows.run.records import StoredResponse
 
 FloatArray = NDArray[np.float64]
 
@@ -77,7 +76,7 @@ class Rescored:
     """Eqs. 7-11 under the new score."""
 
 
-def judged(response: Events, score: Score) -> StoredResponse:
+def judged(response: Events, score: Score) -> Judged:
     """The response as the score sees it: which speed counts, and what closed means. Raises RescoreError."""
     closed = np.asarray(response.closed, dtype=np.bool_)
     if score.closed_by_us is not None:
@@ -87,7 +86,7 @@ def judged(response: Events, score: Score) -> StoredResponse:
         raise RescoreError(f"impacts is {score.impacts!r}; it must be all or first")
     if score.impacts == "first" or score.impacts_until_us is not None:
         speed = _counted(response, score)
-    return StoredResponse(max_contact_speed=speed, closed=closed, status=np.asarray(response.status))
+    return Judged(max_contact_speed=speed, closed=closed, status=np.asarray(response.status))
 
 
 def _counted(response: Events, score: Score) -> FloatArray:

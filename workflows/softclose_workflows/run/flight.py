@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
+from softclose.metrics.objective import Judged
 from softclose.propose.protocol import Proposal, Wave
 from softclose_store import Layout, assessed_digest, proposals_digest
 from softclose_workflows.run import records
@@ -76,7 +77,7 @@ class Flight:
         proposed = records.proposal_record(proposal)
         if failed:
             return proposed | records.failed_record(failed[0]) | timings
-        response = records.StoredResponse(
+        response = Judged(
             max_contact_speed=np.concatenate([result.max_contact_speed[local] for result, local in parts]),
             closed=np.concatenate([result.closed[local] for result, local in parts]),
             status=np.concatenate([result.status[local] for result, local in parts]),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,19 +11,7 @@ from numpy.typing import NDArray
 
 from softclose.metrics.objective import Assessment
 from softclose.propose.protocol import Observation, Proposal
-from softclose.waveform import FloatArray, Waveform
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredResponse:
-    """The part of a response that the objective needs, as read back from the store."""
-
-    max_contact_speed: FloatArray
-    """(n,) [µm/µs], NaN where the switch never touches."""
-    closed: NDArray[np.bool_]
-    """(n,) held in contact at the horizon."""
-    status: NDArray[np.int8]
-    """(n,) 0 where the switch was integrated."""
+from softclose.waveform import Waveform
 
 
 def proposal_record(proposal: Proposal) -> dict[str, Any]:

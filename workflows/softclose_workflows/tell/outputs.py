@@ -16,7 +16,7 @@ class OutputError(ValueError):
 
 def default_name(store: str, suffix: str) -> str:
     """`runs/a.zarr` -> `a.html`, in the current folder: a store may be a URL, or read-only."""
-    stem = PurePosixPath(store.rstrip("/").replace("\\", "/")).name
+    stem = PurePosixPath(store.rstrip("/")).name
     return (stem.removesuffix(".zarr") or "campaign") + suffix
 
 
