@@ -29,6 +29,7 @@ def compare(stores: tuple[str, ...], output: str | None, as_json: bool, quiet: b
     from softclose_workflows.report.comparison import comparison_to_json, read_entries
     from softclose_workflows.tell.console import working
     from softclose_workflows.tell.outputs import check_file, say_written, write_text
+    from softclose_workflows.tell.plain import json_text
 
     page = output is not None and output.lower().endswith((".html", ".htm"))
     if output is not None:
@@ -45,7 +46,6 @@ def compare(stores: tuple[str, ...], output: str | None, as_json: bool, quiet: b
                 from softclose_workflows.figures.comparing import draw_comparison
                 from softclose_workflows.figures.saving import save
                 from softclose_workflows.figures.style import style
-                from softclose_workflows.tell.plain import json_text
 
                 with style():
                     save(draw_comparison(entries), output, "-o")

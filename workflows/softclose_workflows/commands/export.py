@@ -200,7 +200,7 @@ def _emit_instrument(
 ) -> None:
     import json
 
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.instruments import SIGLENT_POINTS, WRITERS, play, write_bytes
 
     if output is None:
@@ -226,7 +226,7 @@ def _emit_instrument(
 def _refuse_options_of_other_formats(ctx: click.Context, form: str) -> None:
     from click.core import ParameterSource
 
-    from softclose_workflows.exports.files import ExportError
+    from softclose_workflows.errors import ExportError
 
     of_formats = set().union(*OPTIONS.values())
     for option in ctx.command.params:

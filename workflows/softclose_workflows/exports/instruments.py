@@ -24,8 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.waveform import FloatArray, Waveform
-from softclose_workflows.exports.files import ExportError, whole_file
+from softclose_workflows.errors import ExportError
 from softclose_workflows.exports.samples import sample_times_us
+from softclose_workflows.tell.outputs import whole_file
 
 MAX_GENERATOR_VOLTS = 20.0
 """No generator of these series gives more into an open output [V]."""
