@@ -13,22 +13,18 @@ import pytest
 @pytest.fixture(scope="session")
 def finished_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished campaign of twelve candidates on two hundred switches. Read it, don't write to it."""
-    from finished import make_finished
+    from small_campaigns import FINISHED, make_campaign
 
-    return make_finished(tmp_path_factory.mktemp("finished") / "small.zarr")
+    return Path(make_campaign(tmp_path_factory.mktemp("finished") / "small.zarr", *FINISHED))
 
 
 @pytest.fixture(scope="session")
 def another_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A second one, of another seed and shorter."""
-    from finished import make_finished
+    from small_campaigns import FINISHED, make_campaign
 
-    return make_finished(
-        tmp_path_factory.mktemp("another") / "other.zarr",
-        "campaign.seed=2",
-        "campaign.budget=6",
-        "campaign.name=another seed",
-    )
+    settings = ("campaign.seed=2", "campaign.budget=6", "campaign.name=another seed")
+    return Path(make_campaign(tmp_path_factory.mktemp("another") / "other.zarr", *FINISHED, *settings))
 
 
 def require(program: str) -> str:

@@ -7,9 +7,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from finished import make_finished
-from softclose.config import load_config
-from softclose_workflows.run.creation import create_store
+from small_campaigns import FINISHED, make_campaign
 
 _SCRATCH = tempfile.TemporaryDirectory(prefix="softclose-reported-")
 
@@ -21,16 +19,13 @@ HOSTILE = "<script>alert(1)</script> %{x} & \u2028 {{ 7 * 7 }}"
 def hostile_store() -> str:
     """A finished campaign of eight candidates, three from the surrogate, with a hostile name. Read it only."""
     folder = Path(_SCRATCH.name)
-    return str(
-        make_finished(folder / "hostile.zarr", "campaign.budget=8", "optimiser.n_initial=5", f"campaign.name={HOSTILE}")
-    )
+    settings = ("campaign.budget=8", "optimiser.n_initial=5", f"campaign.name={HOSTILE}")
+    return make_campaign(folder / "hostile.zarr", *FINISHED, *settings)
 
 
 def empty_store(folder: Path) -> str:
     """A campaign that has just been created: not one candidate."""
-    path = str(folder / "empty.zarr")
-    create_store(load_config("current", ["campaign.budget=8", "population.n_switches=50"]), path)
-    return path
+    return make_campaign(folder / "empty.zarr", "campaign.budget=8", "population.n_switches=50", run=False)
 
 
 def chromium() -> str | None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from small_series import small_campaign
+from small_campaigns import COARSE, make_campaign
 from softclose import load_population, simulate
 from softclose_store import DamageError, list_groups, open_campaign, read_group
 from softclose_workflows.analyses.certify import (
@@ -30,7 +30,7 @@ N = 1500
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return small_campaign(tmp_path_factory.mktemp("certify") / "a.zarr")
+    return make_campaign(tmp_path_factory.mktemp("certify") / "a.zarr", *COARSE)
 
 
 def test_candidates_are_ranked_by_what_they_do_on_fresh_switches(store: str) -> None:
@@ -86,7 +86,7 @@ def test_certification_is_read_back_as_it_was_and_not_computed_again(
 
 
 def test_stored_content_depends_on_nothing_but_the_request(store: str, tmp_path: Path) -> None:
-    other = small_campaign(tmp_path / "other.zarr")
+    other = make_campaign(tmp_path / "other.zarr", *COARSE)
     certify(store, n_switches=N, seed=5, top=2, threads=1)
     certify(other, n_switches=N, seed=5, top=1)
     certify(other, n_switches=N, seed=5, top=2, threads=2)
@@ -98,7 +98,7 @@ def test_stored_content_depends_on_nothing_but_the_request(store: str, tmp_path:
 
 
 def test_a_small_certification_does_not_replace_a_large_one(tmp_path: Path) -> None:
-    store = small_campaign(tmp_path / "a.zarr")
+    store = make_campaign(tmp_path / "a.zarr", *COARSE)
     large = certify(store, n_switches=2 * N, top=3)
     small = certify(store, n_switches=100, top=3)
     assert list_groups(store) == [f"certification/{n}-1" for n in sorted((100, 2 * N), key=str)]
@@ -113,7 +113,7 @@ def test_a_small_certification_does_not_replace_a_large_one(tmp_path: Path) -> N
 
 
 def test_fewer_candidates_do_not_take_certified_ones_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    store = small_campaign(tmp_path / "a.zarr")
+    store = make_campaign(tmp_path / "a.zarr", *COARSE)
     few = certify(store, n_switches=N, top=2)
     many = certify(store, n_switches=N, top=4)
     assert {d.candidate for d in many.candidates} > {d.candidate for d in few.candidates}
@@ -123,7 +123,7 @@ def test_fewer_candidates_do_not_take_certified_ones_away(tmp_path: Path, monkey
 
 
 def test_a_certification_is_computed_again_from_its_metadata(tmp_path: Path) -> None:
-    store = small_campaign(tmp_path / "a.zarr")
+    store = make_campaign(tmp_path / "a.zarr", *COARSE)
     certify(store, n_switches=N, top=3)
     name = f"certification/{N}-1"
     before = {p: p.read_bytes() for p in (tmp_path / "a.zarr" / name).rglob("*") if p.is_file()}
@@ -139,7 +139,7 @@ def test_a_certification_is_computed_again_from_its_metadata(tmp_path: Path) -> 
 
 
 def test_a_missing_reference_says_why(tmp_path: Path) -> None:
-    store = small_campaign(tmp_path / "a.zarr", "waveform.max_volts=60")
+    store = make_campaign(tmp_path / "a.zarr", *COARSE, "waveform.max_volts=60")
     result = certify(store, n_switches=100, top=1)
     assert [d.name for d in result.references] == ["unshaped"]
     assert result.references[0].waveform.max_voltage(250.0) == 60.0
@@ -189,6 +189,6 @@ def test_bad_requests_are_refused(store: str, tmp_path: Path) -> None:
 
 
 def test_a_campaign_without_candidates_cannot_be_certified(tmp_path: Path) -> None:
-    store = small_campaign(tmp_path / "empty.zarr", run=False)
+    store = make_campaign(tmp_path / "empty.zarr", *COARSE, run=False)
     with pytest.raises(CertifyError, match="no usable candidate yet"):
         certify(store, n_switches=N)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from small_series import SETTINGS, small_campaign
+from small_campaigns import COARSE, make_campaign
 from softclose_store import open_campaign
 from softclose_workflows.cli import main
 
@@ -20,7 +20,7 @@ def _run(*arguments: str, code: int = 0) -> Result:
 
 
 def test_pareto_shows_the_candidates_that_no_other_beats(tmp_path: Path) -> None:
-    store = small_campaign(tmp_path / "a.zarr")
+    store = make_campaign(tmp_path / "a.zarr", *COARSE)
     front = json.loads(_run("pareto", store, "--json").stdout)["front"]
     table = open_campaign(store).records()
     points = list(zip(table["v_u_cm_s"], table["p_nc"], strict=True))
@@ -33,12 +33,12 @@ def test_pareto_shows_the_candidates_that_no_other_beats(tmp_path: Path) -> None
 
 
 def test_pareto_of_nothing_is_refused(tmp_path: Path) -> None:
-    store = small_campaign(tmp_path / "a.zarr", run=False)
+    store = make_campaign(tmp_path / "a.zarr", *COARSE, run=False)
     assert "no usable candidate" in _run("pareto", store, code=2).stderr
 
 
 def test_engines_are_compared_over_seeds(tmp_path: Path) -> None:
-    sets = [part for setting in (*SETTINGS, "campaign.budget=4") for part in ("--set", setting)]
+    sets = [part for setting in (*COARSE, "campaign.budget=4") for part in ("--set", setting)]
     figure = tmp_path / "engines.svg"
     asked = ["compare-engines", "current", "--engines", "sobol,direct", "--seeds", "5,6", "--switches", "100", *sets]
     said = json.loads(_run(*asked, "--json").stdout)["runs"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from finished import SETTINGS
+from small_campaigns import FINISHED
 from softclose.config import load_config
 from softclose_workflows.cli import main
 from softclose_workflows.run import needs
@@ -118,7 +118,7 @@ def test_too_many_switches_are_refused_before_any_is_drawn(
 
 
 def test_the_estimate_of_the_disk_is_of_the_size_of_a_real_store(finished_store: Path) -> None:
-    config = load_config("current", (*SETTINGS, "finish.budget=0"))
+    config = load_config("current", (*FINISHED, "finish.budget=0"))
     written = sum(p.stat().st_size for p in finished_store.rglob("*") if p.is_file())
     needed = needs.of_run(config, workers=1).disk_bytes
     assert needed < written < 4.0 * needed

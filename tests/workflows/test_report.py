@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from finished import make_finished
 from reported import HOSTILE, empty_store, hostile_store
+from small_campaigns import FINISHED, make_campaign
 from softclose.waveform import Pulse, Waveform
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
@@ -240,7 +240,7 @@ def test_a_failed_candidate_is_listed_with_its_reason_and_breaks_nothing(data: R
 
 def test_quasi_random_ensembles_show_no_interval(tmp_path: Path) -> None:
     settings = ("campaign.budget=3", "optimiser.n_initial=3", "population.n_switches=64", "population.sampling=sobol")
-    data = gather(str(make_finished(tmp_path / "sobol.zarr", *settings)))
+    data = gather(str(make_campaign(tmp_path / "sobol.zarr", *FINISHED, *settings)))
     assert not data.has_intervals
     page = render_report(data)
     assert "No intervals" in page

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from small_series import small_campaign
+from small_campaigns import COARSE, make_campaign
 from softclose import Waveform, assess, load_population, simulate
 from softclose_store import open_campaign
 from softclose_workflows.analyses.rescore import RescoreError, Score, rescore
@@ -20,7 +20,7 @@ N = 80
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return small_campaign(tmp_path_factory.mktemp("rescore") / "a.zarr")
+    return make_campaign(tmp_path_factory.mktemp("rescore") / "a.zarr", *COARSE)
 
 
 def _fresh(store: str, candidate: int):  # type: ignore[no-untyped-def]
@@ -81,7 +81,7 @@ def test_the_campaigns_own_score_gives_its_own_records_and_ranking(store: str) -
 
 
 def test_lost_impacts_are_refused_unless_they_came_later(tmp_path_factory: pytest.TempPathFactory) -> None:
-    few = small_campaign(tmp_path_factory.mktemp("few") / "b.zarr", "store.max_impacts=2", "campaign.budget=3")
+    few = make_campaign(tmp_path_factory.mktemp("few") / "b.zarr", *COARSE, "store.max_impacts=2", "campaign.budget=3")
     with pytest.raises(RescoreError, match=r"candidate \d: .*store.max_impacts"):
         rescore(few, Score(impacts_until_us=250.0))
     assert len(rescore(few, Score(impacts="first"))) == 3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from small_series import small_campaign
+from small_campaigns import COARSE, make_campaign
 from softclose import load_population
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
@@ -26,7 +26,7 @@ def _run(*arguments: str, code: int = 0) -> Result:
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return small_campaign(tmp_path_factory.mktemp("science") / "a.zarr", "campaign.budget=4")
+    return make_campaign(tmp_path_factory.mktemp("science") / "a.zarr", *COARSE, "campaign.budget=4")
 
 
 def test_populations_show_the_printed_figures_beside_ours() -> None:
@@ -61,7 +61,7 @@ def test_calibration_writes_a_population_that_run_accepts(tmp_path: Path) -> Non
     assert (population.D.lower, population.D.upper) == (2.3, 2.7)
     said = json.loads(_run(*asked, "--json").stdout)
     assert (said["population"]["name"], said["n_devices"]) == ("mine", 12)
-    store = small_campaign(tmp_path / "b.zarr", f"population.name={toml}", "campaign.budget=1")
+    store = make_campaign(tmp_path / "b.zarr", *COARSE, f"population.name={toml}", "campaign.budget=1")
     assert Path(store).exists()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from small_series import SETTINGS
+from small_campaigns import COARSE
 from softclose import load_population
 from softclose.config import ConfigError
 from softclose_workflows.cli import main
@@ -20,7 +20,7 @@ from softclose_workflows.studies.study import run_study
 from softclose_workflows.studies.study_file import FOLDER, load_study
 from stores import differences
 
-SMALL = (*SETTINGS, "campaign.budget=3")
+SMALL = (*COARSE, "campaign.budget=3")
 EFFORT = Effort(n_switches=150, top=1, placement=Placement(serial=True), quiet=True)
 
 
