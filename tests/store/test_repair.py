@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from numpy.testing import assert_array_equal
 
 import small_store
@@ -299,6 +300,35 @@ def test_a_repair_that_computes_something_else_is_refused_and_changes_nothing(fi
     after = contents(finished)
     assert {k: v for k, v in after.items() if v != before.get(k)} == {}
     assert repair(finished, right).ok
+
+
+@pytest.mark.parametrize("lost", [["block_digest"], ["block_digest", "v"]])
+def test_where_a_marker_is_lost_the_records_tell_whether_the_block_is_the_same(finished, original, lost):
+    right = recompute()
+
+    def other(store, stage, i, j):
+        arrays = right.block(store, stage, i, j)
+        return arrays | {"v": arrays["v"] + np.float32(1e-6)}
+
+    for name in lost:
+        (finished / "search" / name / "c.0.0.0").unlink()
+    before = contents(finished)
+    with pytest.raises(DamageError, match="is not what was stored"):
+        repair(finished, replace(right, block=other))
+    assert contents(finished) == before
+    done = repair(finished, right)
+    assert done.ok
+    assert done.unproved == ()
+    assert contents(finished) == contents(original)
+
+
+def test_a_marker_of_another_time_is_corrected_by_the_records(finished, original):
+    array = zarr.open_array(finished / "finish" / "block_digest", mode="r+")
+    marker = array[2, 0]
+    marker[-1] ^= np.uint64(1)
+    array[2, 0] = marker
+    assert repair(finished, recompute()).ok
+    assert contents(finished) == contents(original)
 
 
 def test_damaged_blocks_of_a_wave_in_flight_go_and_a_resume_computes_them(tmp_path, original):

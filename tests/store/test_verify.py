@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from numpy.testing import assert_array_equal
 
 from small_store import create, run, write_wave
 from softclose_store import DamageError, DriverStore, GroupArray, open_campaign, read_group, verify, write_group
+from softclose_store.schema.root import Root
 from stores import damage, files_of
 
 
@@ -192,8 +194,6 @@ def test_a_marker_that_is_intact_and_of_another_time_is_found(finished):
     """A block and its marker replaced together by others of the same proposals are not those of the record."""
     file = finished / "finish" / "block_digest" / "c.2.0.0"
     content = file.read_bytes()
-    import zarr
-
     array = zarr.open_array(finished / "finish" / "block_digest", mode="r+")
     marker = array[2, 0]
     marker[-1] ^= np.uint64(1)
@@ -244,8 +244,6 @@ def test_result_groups_appear_whole_and_are_checked_when_read(finished):
 
 
 def test_a_root_whose_configuration_was_edited_with_its_digest_is_not_the_campaigns(finished):
-    from softclose_store.schema.root import Root
-
     content = (finished / "zarr.json").read_bytes()
     document = json.loads(content)
     document["attributes"]["config"]["campaign"]["seed"] = 8

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose_store.disk.files import StorePath
 from softclose_store.read.blocks import markers_digest
-from softclose_store.read.table import MARKERS
+from softclose_store.read.table import MARKERS, RECORD
 from softclose_store.schema.fields import DIGESTS
 from softclose_store.schema.root import write_root
 from softclose_store.write.driver import Block, DriverStore
@@ -47,15 +48,29 @@ class RepairStore(DriverStore):
     def candidate_markers(self, i: int) -> int:
         """Digest of the markers of candidate i's blocks as they are on the disk: ties its record to its data."""
         stage, local = self.layout.stage_of(i)
-        row = local // stage.block_candidates
-        blocks = [(row, j) for j in range(stage.blocks_of(self._table.n_switches(i)))]
-        return markers_digest(np.stack(list(self.markers(stage.name, blocks).values())), i)
+        return self._digest_of_row(stage.name, local // stage.block_candidates, i, {})
 
-    def markers_match(self, stage: str, i_block: int) -> bool:
-        """True where the markers of a row of blocks are those that its candidates' records were written for."""
+    def _digest_of_row(self, stage: str, i_block: int, i: int, found: Mapping[int, NDArray[np.uint64]]) -> int:
+        columns = range(self.layout.stage(stage).blocks_of(self._table.n_switches(i)))
+        stored = self.markers(stage, [(i_block, j) for j in columns])
+        return markers_digest(np.stack([found.get(j, stored[i_block, j]) for j in columns]), i)
+
+    def told_by_records(self, stage: str, i_block: int, found: Mapping[int, NDArray[np.uint64]]) -> bool | None:
+        """Whether the records of a row of blocks were written for these markers; None where no record is intact.
+
+        found: markers of the blocks that were computed again, by column; the others' are those on the disk.
+        """
         rows, first = self.layout.stage(stage).candidates(i_block), self.layout.first(stage)
-        candidates = range(first + rows.start, first + rows.stop)
-        return all(self.candidate_markers(i) == int(self._table.digests[i, MARKERS]) for i in candidates)
+        intact = [
+            i
+            for i in range(first + rows.start, first + rows.stop)
+            if int(self._table.digests[i, RECORD]) == self._table.record_digest(i)
+        ]
+        if not intact:
+            return None
+        return all(
+            self._digest_of_row(stage, i_block, i, found) == int(self._table.digests[i, MARKERS]) for i in intact
+        )
 
     def lost_names(self) -> bool:
         """True where a quantity of a surrogate is stored whose name nothing says any more."""
