@@ -1,7 +1,7 @@
 """The store of a campaign: one Zarr hierarchy that survives kills, proves its content and opens in any Zarr tool."""
 
 from softclose_store.check.repair import Recompute, RepairReport, remove_orphans, repair
-from softclose_store.check.report import Problem, Report
+from softclose_store.check.report import Damage, Report
 from softclose_store.check.verify import verify
 from softclose_store.disk.files import write_file
 from softclose_store.disk.lock import lock_holder
@@ -33,6 +33,7 @@ __all__ = [
     "SCHEMA_VERSION",
     "Best",
     "Campaign",
+    "Damage",
     "DamageError",
     "DriverStore",
     "GroupArray",
@@ -41,7 +42,6 @@ __all__ = [
     "LockedError",
     "OtherAlgorithmError",
     "OtherConfigurationError",
-    "Problem",
     "Recompute",
     "RecordError",
     "RepairReport",

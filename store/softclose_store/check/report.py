@@ -11,7 +11,7 @@ BlockOf = tuple[str, int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
+class Damage:
     """One thing that is not what was written."""
 
     kind: Kind
@@ -43,7 +43,7 @@ class Report:
     """Committed candidates; where the root is damaged, what everything that remains says."""
     n_blocks: int
     """Blocks read and compared with their markers."""
-    problems: tuple[Problem, ...]
+    problems: tuple[Damage, ...]
     """All damage."""
     orphans: tuple[str, ...]
     """Temporary files that a kill left behind: harmless, `remove_orphans` deletes them."""

@@ -11,7 +11,7 @@ import numpy as np
 from zarr.abc.store import Store
 
 from softclose_store.check.committed import remains
-from softclose_store.check.report import BlockOf, Kind, Problem, Report
+from softclose_store.check.report import BlockOf, Damage, Kind, Report
 from softclose_store.disk.files import StorePath, list_keys, normalised, open_files, read_key
 from softclose_store.disk.lock import LOCK_KEY
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
@@ -57,7 +57,7 @@ class _Check:
     where: str
     on_block: OnBlock | None
     keys: frozenset[str]
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[Damage] = field(default_factory=list)
     expected: set[str] = field(default_factory=set)
     n_blocks: int = 0
 
@@ -71,7 +71,7 @@ class _Check:
         block: BlockOf | None = None,
         group: str = "",
     ) -> None:
-        self.problems.append(Problem(kind=kind, what=what, key=key, candidate=candidate, block=block, group=group))
+        self.problems.append(Damage(kind=kind, what=what, key=key, candidate=candidate, block=block, group=group))
 
 
 def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
