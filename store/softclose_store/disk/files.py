@@ -93,7 +93,7 @@ class LocalFiles(LocalStore):
 def write_file(path: str, content: Any, *, durable: bool, fault: str = "") -> None:
     """Write `path` atomically: a temporary file beside it, renamed over it. Synced, with its folder, if durable."""
     temporary = f"{path}.{uuid.uuid4().hex}{PARTIAL}"
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     try:
         file = os.open(temporary, flags, 0o644)
     except FileNotFoundError:
@@ -140,9 +140,7 @@ def _make_directories(path: str, *, durable: bool) -> None:
 
 
 def sync_directory(path: StorePath) -> None:
-    """Flush a folder's entries to the disk; does nothing where the system has no such thing (Windows)."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
+    """Flush a folder's entries to the disk."""
     folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(folder)

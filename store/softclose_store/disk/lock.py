@@ -8,6 +8,7 @@ broken by hand.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import getpass
 import json
 import os
@@ -180,12 +181,7 @@ def _same_file(descriptor: int, file: Path) -> bool:
 
 
 def _lock(descriptor: int) -> bool:
-    """True where the lock was free. Without flock (Windows) the text alone decides, as behind a URL."""
-    try:
-        import fcntl
-    except ImportError:
-        holder = Holder.parse(os.read(descriptor, 4096))
-        return holder is None or holder.is_dead
+    """True where the lock was free."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
