@@ -25,6 +25,7 @@ COARSE = (
     "compute.block_switches=50",
     "store.n_times=11",
     "optimiser.engine=sobol",
+    "explore.budget=0",
     "finish.budget=0",
 )
 """Eight Sobol points, two blocks each, no surrogate to fit: for certification, rescoring and studies."""
