@@ -196,7 +196,7 @@ class OptimiserSection:
     """Largest width."""
     success_tolerance: Count = 3
     """Successful waves in a row that double the trust region."""
-    failure_tolerance: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 6
+    failure_tolerance: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Candidates of failed waves in a row that halve it; 0: as many as there are parameters."""
     improvement_cm_s: Annotated[float, Field(ge=0)] = 0.01
     """Least decrease of g that counts as a success [cm/s]."""
