@@ -38,7 +38,17 @@ SOURCES = ("pipeline", "store", "workflows")
 PLUGINS = ("pytest_timeout", "_hypothesis_pytestplugin")
 LIBRARIES = (
     *PLUGINS,
-    *("scipy.stats", "scipy.optimize", "scipy.integrate", "numba", "pandas", "xarray", "zarr", "pydantic", "rich.table"),
+    *(
+        "scipy.stats",
+        "scipy.optimize",
+        "scipy.integrate",
+        "numba",
+        "pandas",
+        "xarray",
+        "zarr",
+        "pydantic",
+        "rich.table",
+    ),
     *("hypothesis.strategies", "hypothesis.internal.conjecture.engine", "hypothesis.internal.entropy", "pytest"),
 )
 """Imported once, before the forks; the project itself is imported by every child, from its copy."""
