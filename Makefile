@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: help env env-test env-lint run test lint docs torture clean
+.PHONY: help env env-test env-lint run test lint docs torture mutants clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/'
@@ -33,6 +33,10 @@ $(VENV)/.installed-lint: $(VENV)/.installed-test
 	$(INSTALL) --editable '.[lint]'
 	@touch $@
 
+$(VENV)/.installed-mutants: $(VENV)/.installed-test
+	$(INSTALL) --editable '.[mutants]'
+	@touch $@
+
 $(VENV)/.installed-docs: $(VENV)/.installed
 	$(INSTALL) --editable '.[docs]'
 	@touch $@
@@ -41,6 +45,7 @@ env: $(VENV)/.installed  ## create .venv and install Softclose into it
 env-test: $(VENV)/.installed-test
 env-lint: $(VENV)/.installed-lint
 env-docs: $(VENV)/.installed-docs
+env-mutants: $(VENV)/.installed-mutants
 
 run: env  ## the main job: two and three pulses for the current design (RUNS=..., WORKERS=...)
 	$(BIN)/softclose run current --store $(RUNS)/current.zarr --workers $(WORKERS)
@@ -62,6 +67,9 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 
 torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
 	PYTHONPATH=tests $(BIN)/python -m torture --rounds 200
+
+mutants: env-mutants  ## how many small changes of meaning the tests notice, into docs/measurements/mutants.md (an hour)
+	PYTHONPATH=tests $(BIN)/python -m mutants
 
 clean:  ## remove the environment and the caches; stores stay
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -160,7 +160,7 @@ def copies(n: int) -> Iterator[SimpleQueue[Path]]:
 def score(
     target: Target, free: SimpleQueue[Path], jobs: int, n: int, seed: int, known: dict[tuple[str, str], bool]
 ) -> Score:
-    """Run the sample of one module, but for mutants known to be killed. SystemExit where its tests fail as is."""
+    """Run the sample of one module, but for mutants known to be killed. Raises SystemExit where it fails unchanged."""
     held = [free.get() for _ in range(jobs)]
     source = (held[0] / target.module).read_text("utf-8")
     sample, places = mutants(source, n, seed)
@@ -201,11 +201,11 @@ def page(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> str:
     lines = [
         "# How much the tests notice",
         "",
-        "`make mutants` changes one thing at a time in modules where a silent error costs most (a sign, a bound, an",
-        "argument left out) and runs the tests that answer for the module. A change that no test notices survives. The",
-        f"sample is {table['sample']} places a module, or all there are, by a fixed seed. A survivor whose program",
-        "does the same as the original, or differs in nothing that a test should claim, is named below with the reason",
-        "and does not count. The first score is that of the tests before their survivors were looked at.",
+        "`make mutants` changes one thing at a time in the modules where a silent error costs most (a sign, a bound,",
+        "an argument left out) and runs the tests that answer for the module. A change that no test notices survives.",
+        f"The sample is {table['sample']} places a module, or all there are, by a fixed seed. A survivor whose",
+        "program does the same as the original, or differs in nothing that a test should claim, is named below with",
+        "the reason and does not count. The first score is that of the tests before their survivors were looked at.",
         "",
         "| module | places | tried | killed | equivalent | survive | score | first |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",

@@ -7,16 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
 
 NEAR = 1e-6
 ORDER = 16
-
-COEFFICIENTS = st.floats(-0.5, 0.5).map(lambda value: value if abs(value) > 1e-6 else 0.0)
-"""Of a size that the roots of a companion matrix can be trusted with."""
 
 
 def contact(
@@ -38,24 +33,24 @@ def roots(coefficients: list[float], travel: float) -> np.ndarray:
     return np.sort(found[np.isreal(found)].real[found[np.isreal(found)].real > 1e-9])
 
 
-@settings(deadline=None)
-@given(
-    start=st.floats(-1.0, 0.99),
-    rest=st.lists(COEFFICIENTS, min_size=2, max_size=5),
-    h=st.floats(0.5, 4.0),
-)
-def test_it_is_the_first_root_or_there_is_none(start: float, rest: list[float], h: float) -> None:
-    coefficients = [start, *rest]
-    crossings = roots(coefficients, 1.0)
-    slope = np.polynomial.Polynomial(coefficients).deriv()
-    assume(all(abs(slope(c)) > 1e-3 and abs(c - h) > 1e-6 for c in crossings))  # grazing has a test of its own
-    tau, speed = contact(coefficients, h, 1.0)
-    inside = crossings[crossings < h]
-    if inside.size == 0:
-        assert (tau, speed) == (NONE, 0.0)
-    else:
-        assert tau == pytest.approx(inside[0], abs=1e-9)
-        assert speed == pytest.approx(slope(inside[0]), abs=1e-9)
+def test_it_is_the_first_root_or_there_is_none() -> None:
+    rng = np.random.default_rng(3)
+    found = 0
+    for _ in range(300):
+        coefficients = [float(rng.uniform(-1.0, 0.99)), *rng.uniform(-0.5, 0.5, rng.integers(2, 6)).tolist()]
+        h = float(rng.uniform(0.5, 4.0))
+        crossings = roots(coefficients, 1.0)
+        slope = np.polynomial.Polynomial(coefficients).deriv()
+        assert all(abs(slope(c)) > 1e-4 for c in crossings)  # grazing has a test of its own
+        tau, speed = contact(coefficients, h, 1.0)
+        inside = crossings[crossings < h]
+        found += inside.size > 0
+        if inside.size == 0:
+            assert (tau, speed) == (NONE, 0.0)
+        else:
+            assert tau == pytest.approx(inside[0], abs=1e-9)
+            assert speed == pytest.approx(slope(inside[0]), abs=1e-9)
+    assert 50 < found < 250
 
 
 @pytest.mark.parametrize("above", [1e-3, 1e-8])
@@ -67,7 +62,7 @@ def test_a_contact_between_two_ends_that_are_both_below_is_found(above: float) -
     assert contact([1.0 - above - 0.25, 0.5, -0.25], 2.0, 1.0) == (NONE, 0.0)
 
 
-@given(speed=st.floats(1e-4, 0.5), force=st.floats(0.01, 1.0))
+@pytest.mark.parametrize(("speed", "force"), [(1e-4, 0.01), (0.5, 0.01), (1e-4, 1.0), (0.5, 1.0), (0.03, 0.2)])
 def test_a_bounce_under_constant_force_returns_with_its_speed(speed: float, force: float) -> None:
     tau, back = contact([1.0, -speed, 0.5 * force], 200.0 * speed / force, 1.0, launched=True, bend=force)
     assert tau == pytest.approx(2.0 * speed / force, rel=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -94,6 +95,24 @@ def test_quantile_standard_error_is_the_bootstraps() -> None:
     resampled = np.sort(rng.choice(ordered, size=(20_000, 300)), axis=1)[:, intervals.quantile_rank(300, 0.9) - 1]
     assert intervals.quantile_standard_error(ordered, 0.9) == pytest.approx(resampled.std(), rel=0.02)
     assert math.isnan(intervals.quantile_standard_error(np.array([1.0]), 0.9))
+
+
+def test_quantile_standard_error_of_few_draws_is_that_of_every_resample() -> None:
+    ordered = np.array([1.0, 2.0, 4.0, 9.0])
+    for level in (0.3, 0.5, 0.9):
+        k = intervals.quantile_rank(4, level)
+        resampled = [sorted(r)[k - 1] for r in itertools.product(ordered, repeat=4)]
+        assert intervals.quantile_standard_error(ordered, level) == pytest.approx(np.std(resampled), rel=1e-12)
+
+
+def test_ranks_of_few_draws_by_hand() -> None:
+    # P(B <= 0) = P(B >= 2) = 1/4 of two draws about the median: just what either tail may have.
+    assert intervals.order_statistic_ranks(2, 0.5, 0.5) == (1, 2)
+    assert intervals.order_statistic_ranks(0, 0.9) == (0, 1)
+    two = np.array([3.0, 8.0])
+    assert intervals.quantile_interval(two, 0.5, 0.5) == (3.0, 8.0)
+    assert intervals.quantile_interval(two, 0.5, 0.95) == (-math.inf, math.inf)
+    assert intervals.quantile_rank(1, 1e-12) == 1
 
 
 def test_mean_interval_is_students() -> None:

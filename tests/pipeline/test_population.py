@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from softclose import Population, load_population
-from softclose.plate import frequency, holding_voltage, modulus, pull_in_voltage, stiffness_from_pull_in
+from softclose.plate import A1, frequency, holding_voltage, modulus, pull_in_voltage, stiffness_from_pull_in
 from softclose.population import VARIABLES, population_names, switches_from_parameters
 from softclose.population.distributions import Bounded, PopulationError
 from softclose.population.population import SAMPLINGS
@@ -89,6 +91,86 @@ def test_eq_14_keeps_the_coefficient_of_variation_and_eq_15_scales_it(delta: flo
     assert both.mean == pytest.approx(moved.mean)
     assert both.sd == pytest.approx(factor * moved.sd, abs=1e-12)
     assert other_order.lower == pytest.approx(both.lower)
+
+
+@pytest.mark.parametrize("shapes", [(1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (1.3, 2.7), (0.5, 0.5)])
+def test_a_bounded_variable_is_scipys_beta(shapes: tuple[float, float]) -> None:
+    y = Bounded(lower=2.0, upper=5.0, alpha=shapes[0], beta=shapes[1])
+    theirs = stats.beta(*shapes, loc=2.0, scale=3.0)
+    p = np.linspace(0.01, 0.99, 7)
+    np.testing.assert_allclose(y.quantile(p), theirs.ppf(p), rtol=1e-12)
+    at = np.array([1.9, 2.5, 4.0, 5.1])
+    np.testing.assert_allclose(y.density(at), theirs.pdf(at), rtol=1e-12)
+    assert (y.mean, y.sd) == pytest.approx((theirs.mean(), theirs.std()))
+    assert y.expect(lambda v: v) == pytest.approx(theirs.mean())
+    assert y.expect(lambda v: v**3) == pytest.approx(theirs.moment(3))
+    assert y.is_uniform == (shapes == (1.0, 1.0))
+
+
+def test_without_shapes_it_is_uniform_and_without_width_it_is_fixed() -> None:
+    assert Bounded(lower=2.0, upper=5.0) == Bounded(lower=2.0, upper=5.0, alpha=1.0, beta=1.0)
+    fixed = Bounded(lower=2.0, upper=2.0)
+    assert fixed.quantile(np.array([0.0, 0.3, 1.0])).tolist() == [2.0, 2.0, 2.0]
+    assert fixed.expect(lambda v: v**2) == 4.0
+    assert Bounded(lower=2.0, upper=5.0).scale_spread(0.0) == Bounded(lower=3.5, upper=3.5)
+    half = Bounded.from_mean(0.0, 1.0, 0.5, 0.5)
+    assert (half.alpha, half.beta) == (0.25, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Bounded(lower=True, upper=2.0), "lower is True"),
+        (lambda: Bounded(lower=1.0, upper=math.inf), "upper is inf"),
+        (lambda: Bounded(lower=1.0, upper=2.0, beta=0.0), "both must be above 0"),
+        (lambda: Bounded.from_mean(1.0, 2.0, 2.0, 4.0), "mean is 2"),
+        (lambda: Bounded.from_mean(1.0, 2.0, 1.0, 4.0), "mean is 1"),
+        (lambda: Bounded.from_mean(1.0, 2.0, 1.5, 0.0), "shape_sum is 0"),
+        (lambda: Bounded(lower=1.0, upper=2.0).shift_mean(-1.5), "shift_mean is -1.5"),
+        (lambda: Bounded(lower=1.0, upper=2.0).scale_spread(math.inf), "repeatability is inf"),
+        (lambda: _with(D=Bounded(lower=0.0, upper=1.0)), "D reaches down to 0 µm"),
+        (lambda: _with(D=Bounded(lower=2.0, upper=3.0), G=Bounded(lower=3.0, upper=4.0)), "every switch needs D < G"),
+        (lambda: _with(T=Bounded(lower=A1, upper=7.0)), "no stiffness at or below"),
+    ],
+)
+def test_a_distribution_at_the_edge_of_sense_is_refused(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(PopulationError, match=words):
+        make()
+
+
+def _with(**variables: Bounded) -> Population:
+    return replace(load_population("current"), **variables)
+
+
+def test_the_summary_is_that_of_a_large_sample() -> None:
+    population = load_population("current")
+    said, switches = population.summary(), population.sample(200_000, seed=1)
+    volts = pull_in_voltage(switches)
+    for name, values in (("K", switches[:, 2]), ("M", switches[:, 3])):
+        unit = "N_per_m" if name == "K" else "ug"
+        assert said[f"{name}_mean_{unit}"] == pytest.approx(values.mean(), rel=2e-3)
+        assert said[f"{name}_sd_{unit}"] == pytest.approx(values.std(), rel=1e-2)
+        assert 0.9 * values.min() < said[f"{name}_lower_{unit}"] <= values.min()
+        assert values.max() <= said[f"{name}_upper_{unit}"] < 1.1 * values.max()
+    assert 0.8 * volts.min() < said["U_pi_lower_V"] <= volts.min()
+    assert volts.max() <= said["U_pi_upper_V"] < 1.2 * volts.max()
+    assert said["U_pi_mean_switch_V"] == pytest.approx(volts.mean(), rel=0.01)
+    assert (said["E_mean_GPa"], said["D_lower_um"]) == (population.E.mean, 2.3)
+
+
+@pytest.mark.parametrize("thickness", np.linspace(5.0, 9.0, 21).tolist())
+def test_a_lot_without_scatter_has_none(thickness: float) -> None:
+    said = _with(T=Bounded(lower=thickness, upper=thickness), E=Bounded(lower=90.0, upper=90.0)).summary()
+    assert said["K_sd_N_per_m"] == pytest.approx(0.0, abs=1e-3)
+    assert said["M_sd_ug"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_an_ensemble_begins_at_its_first_switch_where_nothing_is_said() -> None:
+    population = load_population("current")
+    said = {"start": 0, "stream": 0, "sampling": "monte-carlo"}
+    for draw in (population.sample, population.sample_parameters):
+        np.testing.assert_array_equal(draw(3, seed=1), draw(3, seed=1, **said))  # type: ignore[arg-type]
+    assert population.sample(2, seed=1)[1].tolist() == population.sample(1, seed=1, start=1)[0].tolist()
 
 
 @settings(max_examples=40, deadline=None)
@@ -176,7 +258,10 @@ def test_sobol_estimates_the_mean_ten_times_better() -> None:
         ({"n": 0, "seed": 1}, "n is 0"),
         ({"n": 3, "seed": -1}, "seed is -1"),
         ({"n": 3, "seed": 1.5}, "seed is 1.5"),
-        ({"n": 3, "seed": 1, "start": -2}, "start is -2"),
+        ({"n": 3, "seed": 1, "start": -1}, "start is -1"),
+        ({"n": 3, "seed": 1, "stream": -1}, "stream is -1"),
+        ({"n": True, "seed": 1}, "n is True"),
+        ({"n": 1, "seed": 1, "start": 2**30, "sampling": "sobol"}, "at most 1073741824 points"),
         ({"n": 3, "seed": 1, "sampling": "sobel"}, "one of monte-carlo, sobol"),
     ],
 )
@@ -189,7 +274,9 @@ def test_parameters_of_the_wrong_shape_or_thickness_are_refused() -> None:
     with pytest.raises(PopulationError, match=r"\(4,\); expected \(n, 4\)"):
         switches_from_parameters([2.4, 3.7, 90.0, 7.0])
     with pytest.raises(PopulationError, match="needs more than"):
-        switches_from_parameters([[2.4, 3.7, 90.0, 3.0]])
+        switches_from_parameters([[2.4, 3.7, 90.0, 7.0], [2.4, 3.7, 90.0, 3.0]])
+    with pytest.raises(PopulationError, match=r"\(1, 5\); expected \(n, 4\)"):
+        switches_from_parameters([[2.4, 3.7, 90.0, 7.0, 1.0]])
 
 
 @pytest.mark.parametrize("name", population_names())

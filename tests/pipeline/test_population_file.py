@@ -33,6 +33,27 @@ def test_a_file_describes_all_four_variables(tmp_path: Path) -> None:
     assert p.summary()["K_sd_N_per_m"] > 0.0
 
 
+def test_a_beta_with_a_mean_has_the_papers_shapes_unless_others_are_given(tmp_path: Path) -> None:
+    d = '[D]\ndistribution = "beta"\nlower = 2.0\nupper = 2.5\nmean = 2.1\n'
+    p = _load(tmp_path, d + _G + _E + _T)
+    assert (p.D.alpha, p.D.beta) == pytest.approx((0.8, 3.2))
+    assert _load(tmp_path, d + "shape_sum = 10\n" + _G + _E + _T).D.alpha == pytest.approx(2.0)
+
+
+def test_a_nominal_without_scatter_is_a_fixed_value_that_meets_the_target(tmp_path: Path) -> None:
+    t = '[T]\ndistribution = "uniform"\nhalf_width = 0\n'
+    p = _load(tmp_path, _D + _G + _E + t + "[targets]\nmean_M_ug = 3.41\n")
+    assert p.T.lower == p.T.upper
+    assert p.mean_M == pytest.approx(3.41, rel=1e-11)
+
+
+def test_what_is_written_reads_back_equal_with_a_fixed_variable_before_others(tmp_path: Path) -> None:
+    p = _load(tmp_path, _D + _G + _E + _T)
+    write_population(p, tmp_path / "x.toml")
+    assert load_population(tmp_path / "x.toml") == p
+    assert (tmp_path / "x.toml").read_text("utf-8").endswith("\n")
+
+
 def test_transforms_compose_and_may_fix_a_variable(tmp_path: Path) -> None:
     p = _load(tmp_path, 'base = "current"\n[transform.D]\nshift_mean = -0.1\nrepeatability = 0.0\n')
     assert p.D.lower == pytest.approx(2.33)
@@ -79,7 +100,11 @@ def test_what_is_written_reads_back_equal(name: str, tmp_path: Path) -> None:
         ('base = "current"\n[D]\ndistribution = "uniform"\nlower = -1\nupper = 2\n', "must stay above 0"),
         ('base = "current"\n[D]\ndistribution = "uniform"\nhalf_width = 0.1\n', "only those of E and T"),
         ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 0.1\n', "targets.mean_M_ug"),
-        ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 1.1\n', "half_width is 1.1"),
+        ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 1\n', "half_width is 1"),
+        ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = -0.5\n', "half_width is -0.5"),
+        ('base = "current"\n[T]\ndistribution = "uniform"\nlower = 6\n', "upper is missing"),
+        ('base = "current"\n[T]\ndistribution = "fixed"\nvalue = true\n', "value is True"),
+        ('base = "current"\n[T]\ndistribution = "fixed"\nvalue = nan\n', "value is nan"),
         ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 0.1\nlower = 2\n', "not both"),
         ('base = "current"\n[T]\ndistribution = "uniform"\nhalf_width = 0\n[targets]\nmean_M_ug = 99\n', "Eq. 6 gives"),
         ('base = "current"\n[T]\ndistribution = "uniform"\nlower = 3\nupper = 7\n', "Eq. 4 has no stiffness"),

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from softclose import load_population
 from softclose.config import load_config
+from softclose.kernel.dispatch import devices
+from softclose.plate import PLATE_AREA_UM2
+from softclose.population.distributions import Bounded
 from softclose.propose.design import ARRIVALS, BLOCK, COMPENSATION, design_point
 from softclose.propose.protocol import Problem
 from softclose.propose.swing import FARTHEST, Lot, Swing, free_swing
@@ -54,6 +60,29 @@ def test_free_swing_is_the_equation_of_motion_without_contact(point: list[float]
     if last >= finite.pulses[-1].end_us and last >= finite.pulses[0].end_us:
         assert swing.x[0, switch] == pytest.approx(np.interp(last, times, found.y[0]) / travel, abs=3e-3)
         assert swing.v[0, switch] == pytest.approx(np.interp(last, times, found.y[1]) / travel / np.sqrt(k), abs=3e-3)
+
+
+@pytest.mark.parametrize(("travel", "gap"), [((2.3, 2.7), (3.6, 3.9)), ((1.0, 1.1), (3.9, 4.2))])
+def test_the_strong_hold_closes_99_of_100_and_the_weak_one_holds_90(
+    travel: tuple[float, float], gap: tuple[float, float]
+) -> None:
+    """Where D < G/3 nothing snaps in: the switch is closed by what holds it, less than Eq. 3 asks for."""
+    population = replace(
+        load_population("current"),
+        D=Bounded(lower=travel[0], upper=travel[1]),
+        G=Bounded(lower=gap[0], upper=gap[1]),
+    )
+    lot = Lot.of(population, plate_area_um2=PLATE_AREA_UM2)
+    d, g, c, k = devices(population.sample(1024, seed=0, sampling="sobol"), PLATE_AREA_UM2).T
+
+    def closing(volts: float) -> float:
+        """Share of the lot that the electrostatic force carries all the way, however slowly."""
+        x = np.linspace(0.0, 1.0, 2001) * d[:, None]
+        return float((c[:, None] * (volts / (g[:, None] - x)) ** 2 >= k[:, None] * x).all(axis=1).mean())
+
+    assert closing(1.002 * lot.strong_hold_volts) >= 0.99 > closing(0.998 * lot.strong_hold_volts)
+    held = c * (lot.weak_hold_volts / (g - d)) ** 2 >= k * d
+    assert held.mean() == pytest.approx(0.9, abs=0.002)
 
 
 def test_pulses_that_slam_are_all_alike() -> None:

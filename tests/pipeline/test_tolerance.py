@@ -9,7 +9,15 @@ import pytest
 
 from softclose import Pulse, Waveform, load_population, simulate
 from softclose.baselines import deterministic_design
-from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, ToleranceError, distorted, drive_tolerance
+from softclose.config import load_config
+from softclose.uncertainty.tolerance import (
+    DEFAULT_ERRORS,
+    DriveError,
+    ToleranceError,
+    _drives,
+    distorted,
+    drive_tolerance,
+)
 
 TWO = Waveform([Pulse(0.0, 4.0, 4.5, 150.0), Pulse(14.0, 8.0, math.inf, 85.0)])
 
@@ -71,6 +79,81 @@ def test_every_switch_is_driven_once_also_with_more_generators_than_switches() -
     assert row.assessment.n == 5
 
 
+def _lot_of_generators(error: DriveError, n: int = 4000, waveform: Waveform = TWO) -> list[Waveform]:
+    return [drive for _, drive in _drives(n, waveform, error, n, 5)]
+
+
+@pytest.mark.parametrize(("n", "generators"), [(10, 3), (5, 64), (64, 64), (7, 1)])
+def test_generators_share_the_switches_evenly_and_leave_none_out(n: int, generators: int) -> None:
+    shares = [range(n)[share] for share, _ in _drives(n, TWO, DriveError(jitter_us=0.1), generators, 0)]
+    assert [i for share in shares for i in share] == list(range(n))
+    assert len(shares) == min(n, generators)
+    assert max(map(len, shares)) - min(map(len, shares)) <= 1
+
+
+def test_a_systematic_gain_stays_where_gains_scatter_about_it() -> None:
+    gains = np.array([d.pulses[0].volts / 150.0 - 1.0 for d in _lot_of_generators(DriveError(gain=0.03, gain_sd=0.01))])
+    assert gains.mean() == pytest.approx(0.03, abs=5e-4)
+    assert gains.std() == pytest.approx(0.01, rel=0.05)
+    waveform = Waveform([Pulse(0.0, 0.0, math.inf, 100.0)])
+    switches = load_population("current").sample(60, seed=3)
+    errors = (DriveError(gain=0.03), DriveError(gain=0.03, gain_sd=1e-9))
+    _, fixed, scattered = drive_tolerance(switches, waveform, errors=errors)
+    assert fixed.v_u_shift_cm_s > 0.5
+    assert scattered.v_u_shift_cm_s == pytest.approx(fixed.v_u_shift_cm_s, abs=1e-4)
+
+
+def test_jitter_is_drawn_for_each_later_pulse_and_apart_from_the_gain() -> None:
+    three = Waveform([Pulse(0.0, 4.0, 4.5, 150.0), Pulse(30.0, 8.0, 5.0, 85.0), Pulse(60.0, 8.0, math.inf, 85.0)])
+    drives = _lot_of_generators(DriveError(gain_sd=0.01, jitter_us=0.3), waveform=three)
+    draws = np.array([[d.pulses[0].volts / 150.0 - 1.0, *(p.start_us for p in d.pulses[1:])] for d in drives])
+    np.testing.assert_allclose(draws.mean(axis=0), [0.0, 30.0, 60.0], atol=0.02)
+    np.testing.assert_allclose(draws.std(axis=0), [0.01, 0.3, 0.3], rtol=0.05)
+    assert np.abs(np.corrcoef(draws.T) - np.eye(3)).max() < 0.06
+    assert all(d.pulses[0].start_us == 0.0 for d in drives)
+
+
+def test_scenarios_of_different_size_draw_the_same_generators() -> None:
+    small, large = (
+        np.array([d.pulses[0].volts for d in _lot_of_generators(DriveError(gain_sd=sd), 50)]) for sd in (0.01, 0.02)
+    )
+    np.testing.assert_allclose(large - 150.0, 2.0 * (small - 150.0), rtol=1e-9)
+    other = [d.pulses[0].volts for _, d in _drives(50, TWO, DriveError(gain_sd=0.01), 50, 6)]
+    assert not set(small) & set(other)
+
+
+def test_no_generator_drives_below_zero() -> None:
+    volts = [d.pulses[0].volts for d in _lot_of_generators(DriveError(gain=-1.0, gain_sd=0.5), 50)]
+    assert min(volts) == 0.0 < max(volts)
+
+
+def test_one_generator_may_drive_the_whole_lot_and_64_do_where_nothing_is_said() -> None:
+    switches = load_population("current").sample(130, seed=3)
+    errors = [DriveError(gain_sd=0.2)]
+    (_, unsaid), (_, said), (_, one) = (
+        drive_tolerance(switches, TWO, errors=errors, **n) for n in ({}, {"n_generators": 64}, {"n_generators": 1})
+    )
+    assert unsaid == said != one
+
+
+def test_its_intervals_are_those_of_random_draws_whatever_the_campaign_samples() -> None:
+    config = load_config({"population": {"sampling": "sobol"}})
+    rows = drive_tolerance(load_population("current").sample(5, seed=3), TWO, errors=[], config=config)
+    assert rows[0].assessment.intervals_valid
+    assert (rows[0].v_u_shift_cm_s, rows[0].p_nc_shift) == (0.0, 0.0)
+
+
+def test_default_gains_are_symmetric_and_all_scenarios_are_of_some_per_cent_or_a_fraction_of_a_pulse() -> None:
+    gains = [e.gain for e in DEFAULT_ERRORS if e.gain]
+    assert gains == [-g for g in reversed(gains)] == sorted(gains)
+    assert max(gains) == 0.05
+    for spreads in ([e.gain_sd for e in DEFAULT_ERRORS if e.gain_sd], [e.jitter_us for e in DEFAULT_ERRORS]):
+        rising = [s for s in spreads if s]
+        assert rising == sorted(rising)
+    assert 0.0 < max(e.gain_sd for e in DEFAULT_ERRORS) < 0.05
+    assert max(e.jitter_us for e in DEFAULT_ERRORS) == 1.0
+
+
 def test_default_scenarios_change_one_thing_each() -> None:
     perfect = DriveError()
     for e in DEFAULT_ERRORS:
@@ -80,7 +163,13 @@ def test_default_scenarios_change_one_thing_each() -> None:
 
 @pytest.mark.parametrize(
     ("error", "words"),
-    [({"gain": -2.0}, "gain is -2"), ({"jitter_us": -1.0}, "jitter_us is -1"), ({"slew_V_per_us": 0.0}, "above 0")],
+    [
+        ({"gain": -1.01}, "gain is -1.01"),
+        ({"gain_sd": math.nan}, "gain_sd is nan"),
+        ({"jitter_us": -0.5}, "jitter_us is -0.5"),
+        ({"slew_V_per_us": 0.0}, "above 0"),
+        ({"slew_V_per_us": -0.5}, "above 0"),
+    ],
 )
 def test_errors_out_of_range_are_refused(error: dict[str, float], words: str) -> None:
     with pytest.raises(ToleranceError, match=words):

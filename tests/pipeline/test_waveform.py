@@ -96,6 +96,48 @@ def test_a_malformed_pulse_is_refused_by_name(arguments: tuple[float, ...], mess
         Pulse(*arguments)
 
 
+def test_breakpoints_are_where_a_pulse_changes_its_form() -> None:
+    w = Waveform([Pulse(3, 4, 5, 100), Pulse(10, 6, math.inf, 50)])
+    assert w.breakpoints().tolist() == [0.0, 3.0, 7.0, 10.0, 12.0, 16.0]
+    assert w.breakpoints(12.0).tolist() == [0.0, 3.0, 7.0, 10.0, 12.0]
+    assert [p.end_us for p in w.pulses] == [16.0, math.inf]
+    assert [p.holds for p in w.pulses] == [False, True]
+
+
+def test_at_and_voltage_agree_on_the_knots_of_steps_and_ramps() -> None:
+    for pulse in (Pulse(3, 4, 5, 100), Pulse(3, 0, 5, 100), Pulse(0, 4, 0, 100)):
+        t = np.array([0.0, 2.0, 3.0, 5.0, 7.0, 8.0, 10.0, 12.0, 14.0, 15.9, 16.0, 20.0])
+        np.testing.assert_allclose([pulse.at(v) for v in t], pulse.voltage(t), atol=1e-12)
+    step = Pulse(3, 0, 5, 100)
+    assert [step.at(t) for t in (2.9, 3.0, 7.9, 8.0)] == [0.0, 100.0, 100.0, 0.0]
+
+
+def test_the_limit_is_met_to_a_billionth_and_the_horizon_ends_the_search() -> None:
+    Waveform([Pulse(0, 4, math.inf, 100.0 * (1.0 + 5e-10))]).check(max_volts=100.0)
+    with pytest.raises(WaveformError, match=r"reaches 100\.001 V"):
+        Waveform([Pulse(0, 4, math.inf, 100.001)]).check(max_volts=100.0)
+    late = Waveform([Pulse(0, 4, math.inf, 50), Pulse(260, 4, 5, 100)])
+    assert late.max_voltage() == 50.0
+    assert late.max_voltage(300.0) == pytest.approx(150.0)
+    assert Waveform([Pulse(240, 20, math.inf, 100)]).max_voltage(250.0) == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([[0, 4, 5]], "pulse 1 has 3 values"),
+        ([[0, 4, 5, 80], [0, 2, 5, 80]], "pulse 2: pulse rises in 2 µs"),
+        ([[math.nan, 4, 5, 80]], "pulse 1: pulse start_us is nan"),
+        ([[0, 4, 5, math.inf]], "pulse 1: pulse volts is infinite"),
+    ],
+)
+def test_rows_that_are_no_pulses_are_refused_by_number(rows: list[list[float]], message: str) -> None:
+    with pytest.raises(WaveformError, match=message):
+        Waveform.from_rows(rows)
+
+
 def test_an_empty_waveform_is_refused() -> None:
+    with pytest.raises(WaveformError, match="got tuple"):
+        Waveform([(0, 4, 5, 80)])  # type: ignore[list-item]
     with pytest.raises(WaveformError, match="at least one pulse"):
         Waveform([])

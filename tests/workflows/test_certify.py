@@ -5,22 +5,29 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
-from softclose import load_population, simulate
+from softclose import Pulse, Waveform, load_population, simulate
+from softclose.config import CampaignConfig, load_config
 from softclose_store import DamageError, list_groups, open_campaign, read_group
 from softclose_workflows.analyses.certify import (
     DISTINCT_VOLTS,
     STREAM,
     CertifyError,
+    _choose,
+    assess_fresh,
     certify,
     certify_again,
     fresh_switches,
     read_certification,
+    reference_designs,
+    simulate_fresh,
 )
 from softclose_workflows.analyses.chosen import choose
 from softclose_workflows.cli import main
@@ -151,6 +158,62 @@ def test_a_missing_reference_says_why(tmp_path: Path) -> None:
     assert "no deterministic design to compare with: 60 V never bring" in told
     said = json.loads(CliRunner().invoke(main, ["certify", store, "--switches", "100", "--top", "1", "--json"]).stdout)
     assert said["missing_references"] == result.missing
+
+
+def test_pieces_of_the_fresh_switches_make_the_same_ensemble(store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = CampaignConfig.from_dict(open_campaign(store).config)
+    waveforms = [Waveform([Pulse(0, 0, math.inf, u)]) for u in (100.0, 60.0)]
+    (whole, other) = simulate_fresh(config, waveforms, n_switches=50, seed=3)
+    monkeypatch.setattr("softclose_workflows.analyses.certify.PART", 20)
+    steps: list[tuple[int, int]] = []
+    (pieces, _) = simulate_fresh(config, waveforms, n_switches=50, seed=3, listener=lambda *s: steps.append(s))
+    np.testing.assert_array_equal(pieces.max_contact_speed, whole.max_contact_speed)
+    assert pieces.status.dtype == np.int8
+    assert np.nanmean(other.max_contact_speed) < np.nanmean(whole.max_contact_speed)
+    assert steps == [(20, 100), (40, 100), (60, 100), (80, 100), (90, 100), (100, 100)]
+
+
+def test_the_best_distinct_waveforms_are_those_of_promise_and_the_incumbent() -> None:
+    volts = {0: 80.0, 1: 80.1, 2: 60.0, 3: 90.0, 4: 70.0, 5: 100.0}
+    g = np.array([14.0, 13.0, 16.0, 15.0, 12.0, 10.0])
+    se = np.array([0.1, math.nan, 9.0, 0.1, 2.5, 0.1])  # candidate 4 promises 14.5 at most
+    failed = np.array([False, False, False, False, False, True])
+    campaign: Any = SimpleNamespace(
+        path="a.zarr",
+        best=lambda: SimpleNamespace(candidate=2),
+        records=lambda: {"failed": failed, "g_cm_s": g, "g_se_cm_s": se},
+        waveform=lambda i: Waveform([Pulse(0, 0, math.inf, volts[i])]).rows(),
+    )
+    config = load_config("current")
+    # Candidate 0 is candidate 1 but for a tenth of a volt.
+    assert _choose(campaign, config, 10) == (2, [2, 1, 4, 3])
+    assert _choose(campaign, config, 3) == (2, [2, 1, 4])
+
+
+def test_a_certification_remembers_how_much_of_the_campaign_it_saw(store: str) -> None:
+    result = certify(store, n_switches=100, seed=9, top=2)
+    table = open_campaign(store).records()
+    for d in result.candidates:
+        assert d.training is not None
+        assert d.training.v_u_cm_s == table["v_u_cm_s"][d.candidate]
+        assert d.training.p_nc == table["p_nc"][d.candidate]
+        assert d.training.n_switches == 80
+    group = read_group(store, "certification/100-9")
+    n = len(result.candidates)
+    assert group.arrays["candidate"].tolist() == [d.candidate for d in result.candidates] + [-1, -1]
+    assert group.arrays["training_n_switches"].tolist() == [80] * n + [0, 0]
+    assert np.isnan(group.arrays["training_g_cm_s"]).tolist() == [False] * n + [True, True]
+
+
+def test_intervals_hold_on_fresh_switches_whatever_the_campaign_samples(store: str) -> None:
+    config = load_config("current", ["population.sampling=sobol"])
+    (response,) = simulate_fresh(config, [Waveform([Pulse(0, 0, math.inf, 100)])], n_switches=20, seed=1)
+    assert assess_fresh(response, config).intervals_valid
+
+
+def test_reference_designs_keep_the_campaign_s_limit() -> None:
+    designs = reference_designs(load_config("current", ["waveform.max_volts=120"]))
+    assert designs["deterministic"].max_voltage() <= 120.0 * (1.0 + 1e-9)
 
 
 def test_the_campaign_is_left_as_it_was(store: str) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +19,9 @@ from softclose_store import open_campaign
 from softclose_workflows.cli import main
 from softclose_workflows.errors import ExportError
 from softclose_workflows.exports.pwl import STEP_EDGE_US, draw, spice_source
-from softclose_workflows.exports.samples import Scale, metadata, sample_times_us
-from softclose_workflows.tell.outputs import whole_file
+from softclose_workflows.exports.samples import Scale, metadata, sample_times_us, volts_csv
+from softclose_workflows.exports.tables import ensemble_dataset, history_dataset
+from softclose_workflows.tell.outputs import whole_file, write_text
 
 
 def export(store: Path, *arguments: str) -> Result:
@@ -62,6 +65,60 @@ def test_ideal_steps_become_short_edges() -> None:
     line = draw(Waveform([Pulse(0, 0, 10, 100), Pulse(25, 0, math.inf, 40)]))
     expected = [(0, 0), (STEP_EDGE_US, 100), (10, 100), (10 + STEP_EDGE_US, 0), (25, 0), (25 + STEP_EDGE_US, 40)]
     np.testing.assert_allclose(np.column_stack([line.times_us, line.volts]), expected)
+
+
+def test_there_are_no_more_points_than_the_tolerance_asks_for() -> None:
+    line = draw(Waveform([Pulse(0, 20, math.inf, 150)]), 1e-3)
+    # Chords of h² |u''| = 8 tolerance: the integral of sqrt(|u''| / (8 tolerance)) over a raised cosine, 2.3963 from θ.
+    fewest = math.sqrt(150 / 16e-3) * 2.3963
+    assert fewest < line.times_us.size < 1.05 * fewest
+
+
+def test_points_are_counted_before_they_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    waveform = Waveform([Pulse(0, 20, math.inf, 150)])
+    n = draw(waveform, 0.1).times_us.size
+    monkeypatch.setattr("softclose_workflows.exports.pwl.MAX_POINTS", n)
+    assert draw(waveform, 0.1).times_us.size == n
+    monkeypatch.setattr("softclose_workflows.exports.pwl.MAX_POINTS", n - 1)
+    with pytest.raises(ExportError, match=f"more than {n - 1} points"):
+        draw(waveform, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "words"), [(math.inf, "is inf V"), (math.nan, "is nan V"), (1e-30, "beyond double precision")]
+)
+def test_a_tolerance_that_bounds_nothing_is_refused(tolerance: float, words: str) -> None:
+    with pytest.raises(ExportError, match=words):
+        draw(Waveform([Pulse(0, 4, 5, 150)]), tolerance)
+
+
+def test_a_spice_source_is_in_volts_over_seconds_between_its_nodes() -> None:
+    line = draw(Waveform([Pulse(0, 0, 10, 100), Pulse(25, 20, math.inf, 40)]), 0.25)
+    assert line.has_steps
+    text = spice_source(line, source="Vx", nodes="plus minus", comments=["for a test"])
+    first, second, name, *points, last = text.splitlines()
+    assert first == "* for a test"
+    assert second.startswith(f"* {line.times_us.size} points; linear interpolation is within 250 mV; ideal steps take ")
+    assert "take 0.1 ns" in second
+    assert (name, last, text[-1]) == ("Vx plus minus PWL(", "+ )", "\n")
+    table = np.array([[float(v) for v in row.removeprefix("+ ").split()] for row in points])
+    np.testing.assert_allclose(table, np.column_stack([line.times_us / 1e6, line.volts]), rtol=1e-11)
+    ramps = draw(Waveform([Pulse(0, 4, math.inf, 40)]), 0.25)
+    assert "ideal steps" not in spice_source(ramps, comments=[])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"source": "V1 0 0\n.include x"}, "begins with V"),
+        ({"nodes": "a b c"}, "two names"),
+        ({"nodes": "a b;c"}, "two names"),
+    ],
+)
+def test_names_that_a_netlist_would_read_otherwise_are_refused(options: dict[str, str], words: str) -> None:
+    line = draw(Waveform([Pulse(0, 4, math.inf, 40)]), 0.25)
+    with pytest.raises(ExportError, match=words):
+        spice_source(line, comments=[], **options)
 
 
 @pytest.mark.parametrize(
@@ -158,12 +215,102 @@ def test_the_largest_code_is_the_full_scale() -> None:
     assert codes.tolist() == [0, 128, 255]
     assert metadata(scale, codes, np.array([0.0, 75.0, 150.0]))["final_volts_to_hold"] == 150.0
     with pytest.raises(ExportError, match="above the full scale"):
-        scale.encode(np.array([151.0]))
+        scale.encode(np.array([0.0, 151.0]))
+
+
+@pytest.mark.parametrize(
+    ("bits", "signed", "largest"), [(2, True, 1), (12, True, 2047), (12, False, 4095), (32, False, 2**32 - 1)]
+)
+def test_the_largest_code_of_a_generator(bits: int, signed: bool, largest: int) -> None:
+    assert Scale(bits=bits, full_scale_V=1.0, signed=signed, rate_MSps=1.0).max_code == largest
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ({"bits": 1}, "1 bits"),
+        ({"bits": 33}, "33 bits"),
+        *(({"full_scale_V": v}, "full scale is") for v in (0.0, -0.5)),
+    ],
+)
+def test_a_generator_that_cannot_be_is_refused(setting: dict[str, float], words: str) -> None:
+    with pytest.raises(ExportError, match=words):
+        Scale(**({"bits": 8, "full_scale_V": 1.0, "signed": False, "rate_MSps": 1.0} | setting))  # type: ignore[arg-type]
+
+
+def test_metadata_say_what_the_codes_are_worth() -> None:
+    scale = Scale(bits=2, full_scale_V=30.0, signed=False, rate_MSps=1.0)  # 10 V a code
+    volts = np.array([0.0, 8.0, 21.0, 14.0])
+    about = metadata(scale, scale.encode(volts), volts)
+    assert (about["smallest_code"], about["largest_code"], about["n_samples"]) == (0, 2, 4)
+    assert about["largest_rounding_error_V"] == pytest.approx(4.0)
+    assert about["largest_step_between_samples_V"] == pytest.approx(13.0)
+    assert about["final_volts_to_hold"] == pytest.approx(10.0)
+    one = np.array([20.0])
+    assert metadata(scale, scale.encode(one), one)["largest_step_between_samples_V"] == 0.0
 
 
 def test_samples_reach_the_end() -> None:
     assert sample_times_us(10.0, 250.0)[-1] == 250.0
     assert sample_times_us(3.0, 1.0).tolist() == pytest.approx([0, 1 / 3, 2 / 3, 1])
+    assert sample_times_us(0.5, 3.0).tolist() == [0.0, 2.0, 4.0]
+    assert sample_times_us(1.1, 10.0).size == 12  # 1.1 × 10 is above 11 by rounding alone
+    with pytest.raises(ExportError, match="sample rate is inf"):
+        sample_times_us(math.inf, 1.0)
+
+
+def test_a_text_of_samples_is_time_in_microseconds_and_volts() -> None:
+    text = volts_csv(Waveform([Pulse(0, 0, math.inf, 100)]), np.array([0.0, 2.5]))
+    assert text == "time_us,volts\n0,100\n2.5,100\n"
+
+
+def test_a_history_has_volts_in_volts_and_times_in_microseconds(finished_store: Path) -> None:
+    campaign = open_campaign(finished_store)
+    history = history_dataset(campaign)
+    columns = [str(name) for name in history if str(name).startswith("pulse")]
+    assert {n.split("_")[0] for n in columns} == {"pulse1", "pulse2"}
+    for k, name in ((0, "start_us"), (1, "rise_us"), (2, "peak_us"), (3, "volts")):
+        assert history[f"pulse1_{name}"].attrs["units"] == ("V" if name == "volts" else "µs")
+        np.testing.assert_array_equal(history[f"pulse1_{name}"], [campaign.waveform(i)[0, k] for i in range(12)])
+    assert history["g_cm_s"].attrs["units"] == "cm/s"
+    assert history["origin"].attrs["units"] == "1"
+
+
+def test_an_ensemble_has_every_response_under_its_own_name(finished_store: Path) -> None:
+    campaign = open_campaign(finished_store)
+    ds, r = ensemble_dataset(campaign, 3), campaign.responses(3)
+    assert set(ds.dims) == {"switch"}
+    for name, values, unit in (
+        ("max_contact_speed", r.max_contact_speed, "µm/µs"),
+        ("first_contact", r.first_contact_us, "µs"),
+        ("settling", r.settling_us, "µs"),
+        ("closed", r.closed, "1"),
+    ):
+        np.testing.assert_array_equal(ds[name], values)
+        assert ds[name].attrs["units"] == unit
+    assert (ds["G"].attrs["units"], ds["E"].attrs["units"]) == ("µm", "GPa")
+    assert "gap" in ds["G"].attrs["long_name"]
+    assert json.loads(ds.attrs["waveform"])[-1][2] is None  # holds
+    assert json.loads(ds.attrs["waveform"])[0] == campaign.waveform(3)[0].tolist()
+
+
+def test_a_format_whose_package_is_missing_says_what_to_install(
+    finished_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    done = export(finished_store, "history", "--format", "parquet", "-o", str(tmp_path / "a.parquet"))
+    assert done.exit_code == 2
+    assert "pip install 'softclose[export]'" in done.output
+
+
+def test_a_disk_that_is_full_is_said_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(source: Path, target: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(ExportError, match="No space left on device"):
+        write_text(tmp_path / "a.csv", "1")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "netcdf"])
@@ -204,7 +351,15 @@ def test_netcdf_carries_trajectories_units_and_provenance(finished_store: Path, 
     with xr.open_dataset(target) as ds:
         np.testing.assert_array_equal(ds["x"], campaign.trajectories(3).x[...])
         assert ds["x"].dims == ("switch", "time")
+        np.testing.assert_array_equal(ds["v"], campaign.trajectories(3).v[...])
+        np.testing.assert_array_equal(ds["time"], campaign.times_us)
+        assert [ds[name].attrs["units"] for name in ("time", "x", "v")] == ["µs", "µm", "µm/µs"]
+        np.testing.assert_array_equal(ds["impact_time"], campaign.responses(3).impact_time_us)
+        np.testing.assert_array_equal(ds["impact_speed"], campaign.responses(3).impact_speed)
         assert ds["impact_time"].sizes["impact"] == 8
+        assert ds["x"].encoding["zlib"]
+        assert ds["x"].encoding["shuffle"]
+        assert not ds["D"].encoding["zlib"]
         assert ds["G"].attrs["units"] == "µm"
         assert ds.attrs["fingerprint"] == campaign.fingerprint
         assert json.loads(ds.attrs["config"]) == campaign.config

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from softclose import assess
+from softclose.metrics.intervals import quantile_standard_error
 from softclose.metrics.paired import compare, spread_at
 
 
@@ -73,6 +75,34 @@ def test_counts_match_brute_force() -> None:
     assert c.p_nc_interval[0] < c.p_nc < c.p_nc_interval[1]
 
 
+def test_interval_of_p_nc_counts_the_switches_that_close_under_one_waveform_only() -> None:
+    v, everywhere = np.full(100, 15.0), np.arange(100)
+    a, b = _response(v, everywhere >= 12), _response(v, (everywhere >= 8) & (everywhere < 99))
+    c = compare((a, assess(a)), (b, assess(b)))  # 4 and 1 of a hundred
+    assert c.p_nc == pytest.approx(0.03)
+    half = 1.959964 * math.sqrt(5.0 - 9.0 / 100.0) / 100.0
+    assert c.p_nc_interval == pytest.approx((0.03 - half, 0.03 + half), rel=1e-6)
+
+
+def test_switches_that_touch_under_neither_waveform_do_not_couple_their_upper_velocities() -> None:
+    n = 4000
+    touches = np.arange(n) % 2 == 0
+    a, b = (
+        _response(np.where(touches, np.random.default_rng(seed).gamma(9.0, 2.0, n), math.nan), touches)
+        for seed in (1, 2)
+    )
+    c = compare((a, assess(a)), (b, assess(b)))
+    alone = [quantile_standard_error(np.sort(100.0 * r.max_contact_speed[touches]), 0.9) for r in (a, b)]
+    assert c.v_u_interval[1] - c.v_u_cm_s == pytest.approx(1.96 * math.hypot(*alone), rel=0.05)
+
+
+def test_one_switch_gives_a_difference_and_no_interval() -> None:
+    a, b = _response([12.0], [True]), _response([15.0], [True])
+    c = compare((a, assess(a)), (b, assess(b)))
+    assert c.v_u_cm_s == pytest.approx(-3.0)
+    assert all(map(math.isnan, (*c.v_u_interval, *c.mean_interval)))
+
+
 def test_a_waveform_against_itself_differs_by_nothing() -> None:
     a, _ = _pair(300, 4)
     c = compare((a, assess(a)), (a, assess(a)))
@@ -92,6 +122,10 @@ def test_undefined_v_u_gives_an_undefined_difference() -> None:
 
 def test_range_of_small_ensembles_is_the_range_that_small_ensembles_show() -> None:
     rng = np.random.default_rng(5)
+    even = np.linspace(0.0, 1.0, 1_000_001)
+    np.testing.assert_allclose(spread_at(even, 0.9, 20), stats.beta.ppf([0.025, 0.975], 18, 3), atol=2e-6)
+    assert spread_at(np.array([5.0]), 0.9, 200) == (5.0, 5.0)
+    assert all(map(math.isnan, spread_at(np.array([]), 0.9, 200)))
     population = np.sort(rng.gamma(5.0, 3.0, size=100_000))
     lower, upper = spread_at(population, 0.9, 200)
     estimates = np.sort(rng.choice(population, size=(4000, 200)), axis=1)[:, 179]

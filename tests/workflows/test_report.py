@@ -17,6 +17,7 @@ from click.testing import CliRunner
 from reported import HOSTILE, empty_store, hostile_store
 from small_campaigns import FINISHED, make_campaign
 from softclose.waveform import Pulse, Waveform
+from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
 from softclose_workflows.report import packed, shapes
@@ -163,6 +164,34 @@ def test_picked_candidates_carry_the_stored_motion(store: str, data: ReportData,
     shown = np.searchsorted(motion.times_us, np.asarray(traces["times"]) - 1e-6)
     stored = campaign.population()["D"][: traces["n"], None] - motion.x[: traces["n"]][:, shown]
     np.testing.assert_allclose(distance, stored, atol=1e-4)
+
+
+def test_speeds_of_a_report_are_in_cm_s_and_times_in_us(data: ReportData, store: str) -> None:
+    campaign = open_campaign(store)
+    assert data.best is not None
+    responses = campaign.responses(data.best)
+    best = data.designs[0]
+    np.testing.assert_allclose(best.speed_cm_s, 100.0 * responses.max_contact_speed)
+    assert np.nanmax(best.speed_cm_s) == pytest.approx(best.assessment.max_cm_s)
+    for design in data.designs:  # a switch that is slammed shut is no slower than 1 and no faster than 200 cm/s
+        assert 1.0 < np.nanquantile(design.speed_cm_s, 0.9) < 200.0
+        assert np.nanquantile(design.speed_cm_s, 0.9) == pytest.approx(design.assessment.v_u_cm_s, rel=0.02)
+    traces = best.traces
+    assert traces is not None
+    motion = campaign.trajectories(data.best)
+    step = round((traces.times_us[1] - traces.times_us[0]) / (campaign.times_us[1] - campaign.times_us[0]))
+    n = len(traces.rows)
+    np.testing.assert_array_equal(traces.times_us, campaign.times_us[::step])
+    np.testing.assert_allclose(traces.velocity_cm_s, 100.0 * motion.v[:n, ::step], rtol=1e-6)
+    assert responses.impact_speed is not None
+    assert responses.impact_time_us is not None
+    np.testing.assert_allclose(traces.impact_cm_s, 100.0 * responses.impact_speed[:n])
+    np.testing.assert_array_equal(traces.impact_us, responses.impact_time_us[:n])
+    first, last = data.edges_cm_s[[0, -1]]
+    assert first == 0.0
+    assert last >= np.nanmax(best.speed_cm_s)
+    shown = float(np.mean((best.speed_cm_s >= first) & (best.speed_cm_s <= last)))
+    assert data.shares[data.best].sum() == pytest.approx(100.0 * shown)
 
 
 def test_packed_values_keep_gaps() -> None:

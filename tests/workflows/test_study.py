@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from small_campaigns import COARSE
-from softclose import load_population
+from softclose import Pulse, Waveform, assess, load_population
 from softclose.config import ConfigError
+from softclose.evaluate import evaluate
+from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.cli import main
 from softclose_workflows.run.executors import Placement
 from softclose_workflows.studies.series import Effort
-from softclose_workflows.studies.study import run_study
+from softclose_workflows.studies.study import StudyResult, cross_evaluate, print_study, run_study
 from softclose_workflows.studies.study_file import FOLDER, load_study
 from stores import differences
 
@@ -53,6 +58,67 @@ def test_study_certifies_each_value_and_crosses_the_optima(tmp_path: Path) -> No
             too_high = c.best.waveform.max_voltage() > study.values[i] * (1 + 1e-9)
             assert np.isnan(result.cross_g_cm_s[i, j]) == too_high
     assert json.loads((tmp_path / "study.json").read_text())["cross_g_cm_s"][0][0] == result.cross_g_cm_s[0, 0]
+
+
+def _optimum(waveform: Waveform, n_switches: int, seed: int, g: float = 0.0) -> Any:
+    """What a study asks of a certification."""
+    best = SimpleNamespace(waveform=waveform, assessment=SimpleNamespace(g_cm_s=g))
+    return SimpleNamespace(best=best, n_switches=n_switches, seed=seed)
+
+
+def test_a_row_is_one_value_and_a_column_the_optimum_of_one() -> None:
+    study = replace(load_study("c1", SMALL), values=(0.0, 100.0))
+    members = study.members()
+    waveforms = [Waveform([Pulse(0, 4, 5, 150), Pulse(25, 20, math.inf, u)]) for u in (70.0, 90.0)]
+    optima = [_optimum(waveforms[0], 40, 3, 11.0), _optimum(waveforms[1], 60, 4, 12.0)]
+    g = cross_evaluate(members, optima, EFFORT)
+    assert np.diag(g).tolist() == [11.0, 12.0]
+    population = load_population("current")
+    for i, j, n, seed in ((0, 1, 40, 3), (1, 0, 60, 4)):
+        switches = fresh_switches(population, n, seed=seed)
+        assert g[i, j] == evaluate(members[i].config, switches, waveforms[j], fresh=True).g_cm_s
+    assert g[0, 1] != g[1, 0]
+
+
+def test_an_optimum_at_the_limit_but_for_rounding_is_admissible() -> None:
+    members = replace(load_study("u-max", SMALL), values=(100.0, 150.0)).members()
+    for excess, admissible in ((5e-10, True), (1e-3, False)):
+        step = Waveform([Pulse(0, 4, math.inf, 100.0 * (1.0 + excess))])
+        g = cross_evaluate(members, [_optimum(step, 5, 1), _optimum(step, 5, 1)], EFFORT)
+        assert np.isfinite(g[0, 1]) == admissible
+        assert np.isfinite(g[1, 0])
+
+
+def _judged(optimum: Any) -> Any:
+    """The same with everything that the table shows."""
+    speed = np.linspace(0.05, 0.2, 20)
+    best = SimpleNamespace(
+        waveform=optimum.best.waveform,
+        assessment=assess(SimpleNamespace(max_contact_speed=speed, closed=speed < 0.19)),
+        flattery_cm_s=0.75,
+    )
+    references = [SimpleNamespace(assessment=SimpleNamespace(v_u_cm_s=v)) for v in (41.25, 33.5)]
+    return SimpleNamespace(best=best, references=references)
+
+
+def test_regret_is_what_a_value_loses_by_the_optimum_of_another(capsys: pytest.CaptureFixture[str]) -> None:
+    study = replace(load_study("u-max"), values=(100.0, 150.0))
+    optimum = _judged(_optimum(Waveform([Pulse(0, 4, math.inf, 80)]), 5, 1))
+    result = StudyResult(
+        study=study,
+        members=tuple(study.members()),
+        certifications=(optimum, optimum),
+        cross_g_cm_s=np.array([[10.0, 13.0], [11.0, 9.0]]),
+    )
+    assert result.regret_cm_s.tolist() == [[0.0, 3.0], [2.0, 0.0]]
+    print_study(replace(result, cross_g_cm_s=np.array([[10.0, math.nan], [11.0, 9.0]])))
+    said = capsys.readouterr().out
+    assert f"{study.parameter} [V]" in " ".join(said.split())
+    for text in ("+0.75", "41.25", "80.00 V from 0.00 µs", "v_u [cm/s]", "0.1000 (", "optimum of 100"):
+        assert text in said
+    assert "33.5" not in said  # the second reference
+    rows = [line.replace("│", " ").split() for line in said.splitlines() if "+0.00" in line]
+    assert rows == [["100", "+0.00", "not", "admissible"], ["150", "+2.00", "+0.00"]]
 
 
 def test_a_study_continues_and_repeats_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

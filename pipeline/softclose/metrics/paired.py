@@ -65,7 +65,7 @@ def compare(
     open_a, open_b = ~np.asarray(a.closed), ~np.asarray(b.closed)
     only_a, only_b = int((open_a & ~open_b).sum()), int((open_b & ~open_a).sum())
     p = (only_a - only_b) / n
-    a_p = z * math.sqrt(max(only_a + only_b - (only_a - only_b) ** 2 / n, 0.0)) / n
+    a_p = z * math.sqrt(only_a + only_b - (only_a - only_b) ** 2 / n) / n
     return Comparison(
         v_u_cm_s=v_u,
         v_u_interval=(v_u - a_v_u, v_u + a_v_u),
@@ -83,7 +83,7 @@ def _influence(response: Response, assessment: Assessment) -> FloatArray:
     contact = ~np.isnan(v)
     raw: FloatArray = np.where(contact, assessment.level - (v <= assessment.v_u_cm_s), 0.0)
     spread = float(raw.std())
-    if math.isnan(assessment.v_u_cm_s) or spread == 0.0:
+    if spread == 0.0:
         return np.full(v.shape, math.nan)
     se = intervals.quantile_standard_error(np.sort(v[contact]), assessment.level)
     return raw * (se * math.sqrt(v.size) / spread)
@@ -102,5 +102,5 @@ def spread_at(ordered: FloatArray, level: float, n: int, confidence: float = 0.9
     k = intervals.quantile_rank(n, level)
     tail = 0.5 * (1.0 - confidence)
     at = betaincinv(k, n - k + 1, np.array([tail, 1.0 - tail]))
-    index = np.clip((at * ordered.size).astype(int), 0, ordered.size - 1)
+    index = (at * ordered.size).astype(int)
     return float(ordered[index[0]]), float(ordered[index[1]])
