@@ -6,16 +6,16 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from small_series import small_campaign
 
+from small_campaigns import COARSE, make_campaign
 from softclose_store import DriverStore, LockedError, open_campaign
 from softclose_workflows.cli import main
-from softclose_workflows.run.campaign import Campaign
+from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.executors import Placement, open_executor
 
 
 def test_a_store_that_is_driven_is_refused_unless_its_lock_is_broken(tmp_path: Path) -> None:
-    path = small_campaign(tmp_path / "a.zarr", "campaign.budget=3", run=False)
+    path = make_campaign(tmp_path / "a.zarr", *COARSE, "campaign.budget=3", run=False)
     resume = ["resume", path, "--serial", "--quiet"]
     with DriverStore(path) as held, open_executor(Placement(serial=True)) as executor:
         refused = CliRunner().invoke(main, resume)
@@ -27,5 +27,5 @@ def test_a_store_that_is_driven_is_refused_unless_its_lock_is_broken(tmp_path: P
         assert open_campaign(path).committed == 3
         # The old driver finds that the store is no longer its own before it writes anything.
         with pytest.raises(LockedError, match="was broken"):
-            Campaign(held, executor).run()
+            Driver(held, executor).run()
     assert open_campaign(path).committed == 3

@@ -342,3 +342,37 @@ def test_populations_with_a_travel_beyond_the_gap_are_refused(tmp_path: Path) ->
     done = softclose(*run_arguments(tmp_path / "a.zarr", f"population.name={tmp_path / 'p.toml'}"), "--serial")
     assert done.returncode == 2
     assert "every switch needs D < G" in done.stderr
+
+
+def test_a_campaign_whose_every_candidate_fails_stops_early_and_gives_the_first_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hopeless(*_: object, **__: object) -> object:
+        raise CannotSimulate("no licence for this geometry")
+
+    entry = SimpleNamespace(name="hopeless", load=lambda: hopeless)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
+    settings = ("model.name=hopeless", "optimiser.engine=sobol", "campaign.budget=100")
+    with pytest.raises(Stopped, match=r"none of 20 candidates could be assessed .*no licence for this geometry"):
+        drive(
+            str(tmp_path / "a.zarr"),
+            Placement(serial=True),
+            config=load_config("current", (*SMALL, *settings)),
+            quiet=True,
+        )
+    assert open_campaign(tmp_path / "a.zarr").committed == 20
+
+
+def test_fallbacks_are_counted_in_the_last_lines_and_in_status(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real = proposer.load_engine
+    for module in (proposer, plan):
+        monkeypatch.setattr(module, "load_engine", lambda name: Broken(5) if name == "skopt" else real(name))
+    store = tmp_path / "a.zarr"
+    drive(str(store), Placement(serial=True), config=load_config({}, SMALL), quiet=True)
+    assert "3 of 8 candidates are quasi-random points" in capsys.readouterr().out
+    told = json.loads(softclose("status", str(store), "--json").stdout)
+    assert told["fallbacks"] == 3
+    assert "not positive definite" in told["reason"]
+    assert "3 of 8 candidates are quasi-random points" in softclose("status", str(store)).stdout

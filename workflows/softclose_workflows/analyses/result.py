@@ -6,19 +6,24 @@ from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose_store import open_campaign
 from softclose_workflows.analyses.references import missing_lines, simulate_references
+from softclose_workflows.errors import Stopped
 from softclose_workflows.run.records import assessment_record
 from softclose_workflows.tell.plain import waveform_rows
-from softclose_workflows.tell.tables import print_designs
+from softclose_workflows.tell.standing import read_standing
+from softclose_workflows.tell.tables import print_designs, trouble_lines
 
 
 def print_result(path: str) -> None:
-    """The best candidate of the store against the unshaped step, each number with its interval."""
+    """The best candidate of the store against the unshaped step, each number with its interval.
+
+    Raises Stopped where no candidate has a result.
+    """
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
     best = campaign.best()
     if best is None:
-        print("no candidate could be assessed")
-        return
+        standing = read_standing(path)
+        raise Stopped(f"none of its {standing.committed} candidates could be assessed; first reason: {standing.reason}")
     switches = campaign.switches()[: best.n_switches]
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
     interval = f"{config.objective.confidence:.0%}"
@@ -40,6 +45,7 @@ def print_result(path: str) -> None:
         f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",
     )
     limit = judge(config, campaign.responses(best.candidate)).limit
-    for line in [*([limit.sentence] if limit is not None else []), *missing_lines(references.missing)]:
+    said = [limit.sentence] if limit is not None else []
+    for line in [*said, *missing_lines(references.missing), *trouble_lines(read_standing(path))]:
         print(line)
     print(f"store: {path}")

@@ -29,6 +29,9 @@ from softclose_workflows.run.flight import Flight, Place, plan_tasks, recovered
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import BlockResult, BlockTask
 
+MOST_FAILED = 20
+"""Candidates after which a run stops where none of them has a result: the next thousand would not either."""
+
 MOST_FALLBACKS = 5
 """Candidates in a row that an engine may fail to propose before the run stops: it would end as another engine's."""
 
@@ -234,6 +237,11 @@ class Driver:
         self.spent.commit += time.perf_counter() - assessed
         start = flight.wave.start
         self._observe([records.observation(start + i, w, row) for i, row in enumerate(rows)])
+        if len(self._history) >= min(MOST_FAILED, self.config.total_budget) and not math.isfinite(self._best[1]):
+            reason = next((row["failure"] for row in rows if row.get("failure")), "no switch was assessed")
+            raise Stopped(
+                f"none of {len(self._history)} candidates could be assessed ({reason}): mend the device model"
+            )
         del self._flights[w]
         self._report()
 

@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from softclose.metrics.intervals import proportion
 from softclose.metrics.limit import Limit, limit_on
+from softclose.propose.origins import FALLBACK
 from softclose_store import Best, open_campaign
 from softclose_workflows.tell.plain import finite, waveform_rows
 
@@ -26,6 +29,10 @@ class Standing:
     """Candidates in all, the finishing stage included."""
     failed: int
     """Committed candidates without a usable result."""
+    fallbacks: int
+    """Committed candidates that stand in for a proposal that failed."""
+    reason: str
+    """What the first failure, or else the first fallback, gave as its reason; empty where there is none."""
     best: Best | None
     """The best committed candidate; None before the first usable one."""
     limit: Limit | None = None
@@ -45,6 +52,8 @@ class Standing:
             "budget": self.budget,
             "finished": self.finished,
             "failed": self.failed,
+            "fallbacks": self.fallbacks,
+            "reason": self.reason,
             "best": None if self.best is None else best_to_json(self.best),
             "limit": None if self.limit is None else asdict(self.limit),
         }
@@ -69,13 +78,17 @@ def best_to_json(best: Best) -> dict[str, Any]:
 def read_standing(path: str) -> Standing:
     """Read the standing of the campaign at path, also while it is being written."""
     campaign = open_campaign(path)
-    best = campaign.best()
+    best, records = campaign.best(), campaign.records()
+    stands_in = np.array([origin == FALLBACK for origin in records["origin"]], dtype=np.bool_)
+    reasons = [*records["failure"][records["failed"]], *records["note"][stands_in]]
     return Standing(
         store=path,
         name=str(campaign.config["campaign"]["name"]),
         committed=campaign.committed,
         budget=campaign.budget,
-        failed=int(campaign.records()["failed"].sum()) if campaign.committed else 0,
+        failed=int(records["failed"].sum()),
+        fallbacks=int(stands_in.sum()),
+        reason=str(reasons[0]) if reasons else "",
         best=best,
         limit=None if best is None else _limit(campaign.config, best),
     )

@@ -58,6 +58,19 @@ def print_designs(
     (console if console.is_terminal else Console(width=160)).print(table)
 
 
+def trouble_lines(standing: Standing) -> list[str]:
+    """What went wrong with candidates of a campaign, a sentence each; [] where nothing did."""
+    lines = []
+    if standing.failed:
+        lines.append(f"{standing.failed} of {standing.committed} candidates failed")
+    if standing.fallbacks:
+        what = "quasi-random points in place of proposals that failed"
+        lines.append(f"{standing.fallbacks} of {standing.committed} candidates are {what}")
+    if lines:
+        lines.append(f"first reason: {standing.reason}")
+    return lines
+
+
 def print_standing(standing: Standing) -> None:
     """What `status` prints for people."""
     from rich.console import Console
@@ -66,8 +79,8 @@ def print_standing(standing: Standing) -> None:
     share = standing.committed / max(standing.budget, 1)
     state = "finished" if standing.finished else f"{share:.0%}"
     console.print(f"{standing.name}: {standing.committed} of {standing.budget} candidates committed ({state})")
-    if standing.failed:
-        console.print(f"{standing.failed} of them failed (softclose_store.open_campaign(path).history() says why)")
+    for line in trouble_lines(standing):
+        console.print(line, markup=False)
     best = standing.best
     if best is None:
         console.print("no usable candidate yet")
