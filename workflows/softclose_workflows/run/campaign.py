@@ -217,9 +217,9 @@ class Driver:
         self._tries[key] += 1
         reason = f"{type(failure).__name__}: {failure}"
         if stops_at_once(failure) or self._tries[key] >= MAX_TRIES:
-            times = f" {MAX_TRIES} times" if self._tries[key] >= MAX_TRIES else ""
             raise Stopped(
-                f"{task.name} could not be computed{times} ({reason}); nothing of it is recorded"
+                f"{task.name} could not be computed, tried {self._tries[key]} times ({reason}); "
+                "nothing of it is recorded"
             ) from failure
         self.executor.submit(task)
 

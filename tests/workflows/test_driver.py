@@ -1,0 +1,228 @@
+"""Claims about the run loop, in this process: what a wave sees, in which order blocks come back, what is tried twice."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from small_campaigns import COARSE, make_campaign
+from softclose import Observation, Problem, Proposal, Wave, Waveform
+from softclose.propose import plan, proposer
+from softclose.propose.sobol import sobol_points
+from softclose_store import DriverStore, open_campaign
+from softclose_workflows.errors import Stopped
+from softclose_workflows.run import tasks
+from softclose_workflows.run.campaign import Driver, Progress
+from softclose_workflows.run.executors.dask import LIVE_PER_WORKER, DaskExecutor
+from softclose_workflows.run.executors.serial import SerialExecutor
+from softclose_workflows.run.stopping import StopRequest
+from softclose_workflows.run.tasks import BlockResult, BlockTask
+from stores import differences
+
+SIZES = (4, 4, 4, 4, 2)
+LAG = 3
+
+
+class Recorder:
+    """An engine of five waves that remembers what it was shown."""
+
+    def __init__(self) -> None:
+        self.seen: dict[int, tuple[list[int], list[Waveform]]] = {}
+        self.proposed: dict[int, list[Waveform]] = {}
+
+    def wave_sizes(self, problem: Problem, budget: int) -> Sequence[int]:
+        return SIZES
+
+    def propose_wave(
+        self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
+    ) -> Sequence[Proposal]:
+        self.seen[wave.index] = ([o.index for o in history], list(pending))
+        points = sobol_points(problem.space.dim, wave.stop, np.random.default_rng(3))[wave.start :]
+        # What was seen goes into the proposal: a wave that sees more or less than it may gives another store.
+        points = np.clip(points + 1e-3 * len(history) + 1e-4 * len(pending), 0.0, 1.0)
+        self.proposed[wave.index] = [problem.space.waveform(point) for point in points]
+        return [Proposal(waveform=w, origin="sobol", n_switches=wave.n_switches) for w in self.proposed[wave.index]]
+
+
+@pytest.fixture
+def recorder(monkeypatch: pytest.MonkeyPatch) -> Recorder:
+    engine = Recorder()
+    for module in (plan, proposer):
+        monkeypatch.setattr(module, "load_engine", lambda name: engine)
+    return engine
+
+
+def created(path: Path, *settings: str) -> str:
+    many = (f"campaign.budget={sum(SIZES)}", f"campaign.lag={LAG}")
+    return make_campaign(path, *COARSE, *many, *settings, run=False)
+
+
+class Unruly(SerialExecutor):
+    """Hands blocks back in any order; `spoil` may turn a result into something else first."""
+
+    def __init__(self, seed: int, spoil: Callable[[BlockTask, BlockResult], Any] | None = None) -> None:
+        super().__init__()
+        self._rng = random.Random(seed)
+        self._spoil = spoil
+        self.n_most = 0
+
+    def next_event(self, timeout_s: float) -> Any:
+        self.n_most = max(self.n_most, len(self._waiting))
+        self._waiting.rotate(self._rng.randrange(max(len(self._waiting), 1)))
+        event = super().next_event(timeout_s)
+        if event is None or self._spoil is None or not isinstance(event[1], BlockResult):
+            return event
+        return event[0], self._spoil(*event)
+
+
+def drive(path: str, executor: Any, **options: Any) -> Driver:
+    with DriverStore(path) as store:
+        driver = Driver(store, executor, **options)
+        driver.run()
+    return driver
+
+
+def test_a_wave_sees_the_waves_that_its_lag_lets_it_and_the_waveforms_between(
+    tmp_path: Path, recorder: Recorder
+) -> None:
+    executor = Unruly(1)
+    drive(created(tmp_path / "a.zarr"), executor)
+    firsts = np.cumsum([0, *SIZES])
+    for w in range(len(SIZES)):
+        n_seen = max(w - LAG + 1, 0)
+        indices, pending = recorder.seen[w]
+        assert indices == list(range(firsts[n_seen]))
+        assert pending == [waveform for v in range(n_seen, w) for waveform in recorder.proposed[v]]
+    assert executor.n_most > 2 * SIZES[0]  # several waves were in flight at once, two blocks a candidate
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_order_in_which_blocks_finish_shows_nowhere(seed: int, tmp_path: Path, recorder: Recorder) -> None:
+    in_order, shuffled = created(tmp_path / "a.zarr"), created(tmp_path / "b.zarr")
+    drive(in_order, SerialExecutor())
+    drive(shuffled, Unruly(seed))
+    assert differences(Path(in_order), Path(shuffled)) == []
+    assert open_campaign(shuffled).finished
+
+
+def test_a_stopped_run_commits_what_is_in_flight_and_the_next_one_goes_on_without_computing_it_again(
+    tmp_path: Path, recorder: Recorder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, stopped = created(tmp_path / "a.zarr"), created(tmp_path / "b.zarr")
+    drive(whole, SerialExecutor())
+    stop = StopRequest()
+
+    def after_one_block(progress: Progress) -> None:
+        if progress.simulated:
+            stop.signal_name = "SIGTERM"
+
+    with pytest.raises(Stopped, match="SIGTERM received: what was in flight is committed"):
+        drive(stopped, Unruly(2), stop=stop, listener=after_one_block)
+    assert open_campaign(stopped).n_waves == LAG
+    computed = []
+    real = tasks.compute_block
+
+    def counted(*arguments: Any) -> Any:
+        computed.append(len(arguments[2]))
+        return real(*arguments)
+
+    monkeypatch.setattr(tasks, "compute_block", counted)
+    drive(stopped, SerialExecutor())
+    assert sum(computed) == 2 * sum(SIZES[LAG:])
+    assert differences(Path(whole), Path(stopped)) == []
+
+
+def test_blocks_that_an_interrupted_run_stored_are_taken_over(
+    tmp_path: Path, recorder: Recorder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, cut = created(tmp_path / "a.zarr"), created(tmp_path / "b.zarr")
+    drive(whole, SerialExecutor())
+    results = []
+
+    def cut_off(task: BlockTask, result: BlockResult) -> Any:
+        results.append(task.place)
+        return result if len(results) < 5 else Stopped("cut off")
+
+    with pytest.raises(Stopped, match="cut off"):
+        drive(cut, Unruly(4, cut_off))
+    assert open_campaign(cut).committed == 0
+    computed = []
+    real = tasks.compute_block
+    monkeypatch.setattr(tasks, "compute_block", lambda *a: (computed.append(len(a[2])), real(*a))[1])
+    drive(cut, SerialExecutor())
+    assert sum(computed) == 2 * sum(SIZES) - len(results)
+    assert differences(Path(whole), Path(cut)) == []
+
+
+def test_a_result_that_was_damaged_on_its_way_is_asked_for_again(tmp_path: Path, recorder: Recorder) -> None:
+    whole, path = created(tmp_path / "a.zarr"), created(tmp_path / "b.zarr")
+    drive(whole, SerialExecutor())
+    spoiled = []
+
+    def spoil(task: BlockTask, result: BlockResult) -> BlockResult:
+        if not spoiled:
+            spoiled.append(task)
+            result.max_contact_speed[0, 0] += 1e-9
+        return result
+
+    drive(path, Unruly(5, spoil))
+    assert spoiled
+    assert differences(Path(whole), Path(path)) == []
+
+
+def test_a_block_is_tried_three_times(tmp_path: Path, recorder: Recorder) -> None:
+    path = created(tmp_path / "a.zarr")
+    tried: list[BlockTask] = []
+
+    def fail(task: BlockTask, result: BlockResult) -> Any:
+        if task.place == (0, 0):
+            tried.append(task)
+            return MemoryError("no room")
+        return result
+
+    with pytest.raises(Stopped, match=r"tried 3 times \(MemoryError: no room\)"):
+        drive(path, Unruly(6, fail))
+    assert len(tried) == 3
+    assert open_campaign(path).committed == 0
+
+
+def test_no_more_blocks_are_sent_than_the_workers_can_use_soon() -> None:
+    class Client:
+        """As much of a Dask client as an executor asks for; nothing ever finishes."""
+
+        status = "running"
+        sent = 0
+
+        def scheduler_info(self, **_: Any) -> dict[str, Any]:
+            return {"workers": {"a": {}, "b": {}}}
+
+        def subscribe_topic(self, *_: Any) -> None:
+            pass
+
+        def submit(self, *_: Any, **__: Any) -> Any:
+            self.sent += 1
+            return type("Future", (), {"add_done_callback": lambda self, callback: None})()
+
+    client: Any = Client()
+    executor = DaskExecutor(client, None, 30.0)
+    for row in range(100):
+        executor.submit(
+            BlockTask(
+                store="",
+                fingerprint="",
+                stage="search",
+                row=row,
+                column=0,
+                first=row,
+                start=0,
+                stop=1,
+                waveforms=(),
+                proposals_digest=row,
+            )
+        )
+    assert client.sent == 2 * LIVE_PER_WORKER
