@@ -1,4 +1,4 @@
-"""Claims about the run loop, in this process: what a wave sees, in which order blocks come back, what is tried twice."""
+"""Claims about the run loop, in this process: what a wave sees, how blocks may come back, what is tried again."""
 
 from __future__ import annotations
 
