@@ -1,0 +1,64 @@
+"""Claims about blocks: they follow from the configuration, fit their waves, and hold about as much work each."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from softclose import Wave, load_config
+from softclose_workflows.run.blocks import stage_layouts
+
+
+def waves(stage: str, sizes: list[int], n_switches: int) -> list[Wave]:
+    starts = [sum(sizes[:k]) for k in range(len(sizes))]
+    return [
+        Wave(index=k, stage=stage, start=start, size=size, n_switches=n_switches, sees=k)
+        for k, (start, size) in enumerate(zip(starts, sizes, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("n_switches", "sizes", "candidates", "switches"),
+    [
+        (256, [160, 80, 80], 20, 256),
+        (2_000, [40, 40], 2, 2_000),
+        (20_000, [8, 8], 1, 5_000),
+        (1_000_000, [1], 1, 15_625),
+        (60, [4, 4], 4, 60),
+        (256, [20, 20, 7], 20, 256),
+    ],
+)
+def test_the_automatic_size_of_a_block(n_switches: int, sizes: list[int], candidates: int, switches: int) -> None:
+    config = load_config("current", [f"population.n_switches={n_switches}"])
+    (layout,) = stage_layouts(config, waves("search", sizes, n_switches))
+    assert (layout.block_candidates, layout.block_switches) == (candidates, switches)
+    assert (layout.n_candidates, layout.n_switches) == (sum(sizes), n_switches)
+
+
+@given(
+    size=st.integers(1, 200),
+    n_waves=st.integers(1, 4),
+    last=st.integers(1, 200),
+    n_switches=st.integers(1, 30_000),
+    wanted=st.integers(200, 20_000),
+)
+def test_blocks_divide_the_waves_and_hold_no_more_than_was_asked_for(
+    size: int, n_waves: int, last: int, n_switches: int, wanted: int
+) -> None:
+    sizes = [*[size] * n_waves, last]
+    config = load_config("current", [f"population.n_switches={n_switches}", f"compute.block_switches={wanted}"])
+    (layout,) = stage_layouts(config, waves("search", sizes, n_switches))
+    assert size % layout.block_candidates == 0
+    assert layout.block_candidates == 1 or layout.block_candidates * layout.block_switches <= wanted
+    assert layout.block_switches <= min(wanted, n_switches)
+    n_blocks = -(-n_switches // layout.block_switches)
+    assert layout.block_switches * n_blocks - n_switches < n_blocks  # equal parts, but for one switch
+
+
+def test_stages_keep_their_order_and_their_own_sizes() -> None:
+    config = load_config("current")
+    both = [*waves("search", [20, 4], 1_000), *waves("finish", [8], 4_096)]
+    search, finish = stage_layouts(config, both)
+    assert (search.name, search.n_candidates, search.n_switches) == ("search", 24, 1_000)
+    assert (finish.name, finish.n_candidates, finish.n_switches) == ("finish", 8, 4_096)
