@@ -126,6 +126,7 @@ def test_every_origin_that_is_written_is_listed():
             length_min=0.3,
             failure_tolerance=1,
             global_every=3,
+            batch=1,
         )
         written |= {o.origin for o in run(problem)[0]}
     written |= {o.origin for o in run(problem_of(budget=10), failing=set(range(10)))[0]}
