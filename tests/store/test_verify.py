@@ -250,3 +250,25 @@ def test_a_root_whose_configuration_was_edited_with_its_digest_is_not_the_campai
     (finished / "zarr.json").write_bytes(Root(document).encode())
     assert any("fingerprint" in p.what for p in verify(finished).problems)
     (finished / "zarr.json").write_bytes(content)
+
+
+@pytest.mark.parametrize("key", ["digests/c.0.0", "search/x/c.0.0.0", "search/block_digest/c.0.0.0", "D/c.0"])
+def test_other_bytes_in_the_place_of_text_are_refused_before_they_are_taken_for_a_number_of_words(finished, key):
+    for text in ("words/c.0.0", "field/c.0"):
+        (finished / text).write_bytes((finished / key).read_bytes())
+        with pytest.raises(RuntimeError, match="Zstd"):
+            zarr.open_array(finished / text.partition("/")[0], mode="r")[...]
+    assert {p.kind for p in verify(finished).problems} == {"static", "proposal", "record"}
+
+
+@pytest.mark.parametrize("name", ["D", "finish/time", "records", "hyperparameter"])
+def test_an_array_with_the_metadata_of_a_larger_one_is_not_read_by_it(finished, name):
+    document = json.loads((finished / "search" / "x" / "zarr.json").read_bytes())
+    document["shape"] = [10**6, 10**6, 1001]  # four petabytes
+    (finished / name / "zarr.json").write_text(json.dumps(document))
+    assert "schema" in {p.kind for p in verify(finished).problems}
+    if name == "records":
+        with pytest.raises(DamageError, match="run `softclose verify"):
+            DriverStore(finished)
+        with pytest.raises(DamageError, match="run `softclose verify"):
+            open_campaign(finished).records()

@@ -13,6 +13,7 @@ from zarr.abc.store import Store
 from softclose_store.disk.names import chunk_key
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.read.table import ORIGIN, RECORD, Table
+from softclose_store.schema.fields import N_SURROGATE
 from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER
 from softclose_store.schema.layout import Layout
 
@@ -60,6 +61,6 @@ def _last(rows: NDArray[Any]) -> int:
 
 def _hyperparameters(files: Store) -> tuple[str, ...]:
     try:
-        return tuple(str(name) for name in read_array(files, HYPERPARAMETER) if name)
+        return tuple(str(name) for name in read_array(files, HYPERPARAMETER, [N_SURROGATE]) if name)
     except UNREADABLE:
         return ()

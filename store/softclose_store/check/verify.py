@@ -162,7 +162,7 @@ def _check_schema(check: _Check, root: Root) -> tuple[Layout, bool]:
         if not parts <= check.keys:
             continue
         try:
-            values = read_array(check.files, name)
+            values = read_array(check.files, name, root.metadata[name]["shape"])
         except UNREADABLE as e:
             check.add("static", f"{name} cannot be read: {e}", key=chunk_key(name, 0))
             continue
@@ -212,7 +212,9 @@ def _check_hyperparameters(check: _Check, root: Root) -> None:
     check.expected.add(key)
     names = list(root.attributes["hyperparameters"])
     try:
-        found = [str(name) for name in read_array(check.files, HYPERPARAMETER)] if key in check.keys else []
+        found = (
+            [str(name) for name in read_array(check.files, HYPERPARAMETER, [N_SURROGATE])] if key in check.keys else []
+        )
     except UNREADABLE:
         found = []
     # A commit that was killed has written the names that it would have added.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,10 @@ from softclose_store.errors import StoreError
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.root import Root, read_root
 
-UNREADABLE = (ValueError, RuntimeError, OSError, KeyError, IndexError, TypeError, EOFError, AttributeError)
+UNREADABLE = (
+    *(ValueError, RuntimeError, OSError, KeyError, IndexError, TypeError, EOFError, AttributeError),
+    MemoryError,
+)
 """What zarr and its codecs raise on damaged bytes."""
 
 _opening = threading.Lock()
@@ -36,12 +39,14 @@ def open_arrays(files: Store, names: Iterable[str]) -> dict[str, zarr.AsyncArray
         return run_here(opened(), files)
 
 
-def read_array(files: Store, name: str, selection: Any = Ellipsis) -> NDArray[Any]:
-    """Read part of an array at full capacity, committed or not."""
+def read_array(files: Store, name: str, shape: Sequence[int] | None = None) -> NDArray[Any]:
+    """Read a whole array. shape: what it must have; with the metadata of another it could be of any size."""
 
     async def read() -> Any:
         array = await zarr.AsyncArray.open(ZarrPath(files, name), zarr_format=3)
-        return await array.getitem(selection)
+        if shape is not None and array.shape != tuple(shape):
+            raise ValueError(f"{name} has shape {array.shape}; it must be {tuple(shape)}")
+        return await array.getitem(Ellipsis)
 
     return np.asarray(run_here(read(), files))
 
@@ -54,7 +59,7 @@ def layout_of(files: Store, root: Root) -> Layout:
     problem: Exception | None = None
     for stage in data["stages"]:
         try:
-            return Layout.from_dict(data, read_array(files, f"{stage['name']}/time"))
+            return Layout.from_dict(data, read_array(files, f"{stage['name']}/time", [data["n_times"]]))
         except UNREADABLE as e:
             problem = e
     raise StoreError(f"the time grid cannot be read ({problem}): run `softclose verify --repair`")

@@ -77,6 +77,8 @@ class Table:
         values: NDArray[Any] = getattr(self, name)
 
         def read(rows: slice) -> None:
+            if array.shape != (self.layout.n_candidates, values.shape[1]):
+                raise ValueError(f"it has shape {array.shape}: its metadata is another array's")
             values[rows] = run_here(array.getitem((rows, slice(None))), files)
 
         try:

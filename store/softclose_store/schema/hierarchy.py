@@ -12,7 +12,7 @@ import numpy as np
 import zarr
 from numpy.typing import ArrayLike, NDArray
 from zarr.abc.buffer import Buffer
-from zarr.codecs import BloscCodec, Crc32cCodec
+from zarr.codecs import BloscCodec, Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR
@@ -167,6 +167,14 @@ def sparse_codec() -> BloscCodec:
     return BloscCodec(cname="lz4", clevel=9, shuffle="noshuffle", blocksize=65_536)
 
 
+def text_codec() -> ZstdCodec:
+    """zstd for text, and for nothing else: bytes of another array in a text's place are refused by their first four.
+
+    The text's own codec believes them, takes them for a number of words, and asks for up to 34 GB of memory.
+    """
+    return ZstdCodec(level=1)
+
+
 def population_columns(population: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[np.float64]]:
     """The columns of a population as they are stored; raises LayoutError."""
     if set(population) != set(POPULATION):
@@ -249,7 +257,7 @@ def _create_static(group: zarr.Group, name: str, static: Static) -> None:
         chunks=tuple(max(1, min(n, STATIC_CHUNK)) for n in static.values.shape),
         dtype="str" if is_text else static.values.dtype,
         dimension_names=static.dims,
-        compressors=[Crc32cCodec()] if is_text else [fast_codec(), Crc32cCodec()],
+        compressors=[text_codec() if is_text else fast_codec(), Crc32cCodec()],
         fill_value="" if is_text else 0,
         attributes={"units": static.unit, "long_name": static.long_name},
         chunk_key_encoding=KEYS,
@@ -282,7 +290,7 @@ def _create_table(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
         shape=(layout.n_candidates, n),
         chunks=(layout.table_chunk, n),
         dtype=spec.dtype,
-        compressors=[Crc32cCodec()] if is_text else [fast_codec(), Crc32cCodec()],
+        compressors=[text_codec() if is_text else fast_codec(), Crc32cCodec()],
         fill_value="" if is_text else (0 if spec.dtype == "u8" else np.nan),
         dimension_names=spec.dims,
         attributes=attributes,
