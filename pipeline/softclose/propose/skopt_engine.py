@@ -155,8 +155,8 @@ def _acquire(
         scales = np.broadcast_to(np.asarray(hyper["k1__k2__length_scale"], dtype=np.float64), (len(names),))
         common = {f"length_scale_{name}": float(v) for name, v in zip(names, scales, strict=True)}
         common |= {"noise": float(model.noise_ or 0.0), "amplitude": float(hyper["k1__k1__constant_value"])}
-        flying = space.coordinates_of_all(pending)[0]
-        for inputs in surrogate_inputs(problem, np.clip(flying, 0.0, 1.0)) if len(flying) else ():
+        flying = np.clip(space.coordinates_of_all(pending)[0], 0.0, 1.0)
+        for inputs in surrogate_inputs(problem, flying) if len(flying) else ():
             model.believe(inputs)
 
         middle = np.clip(centre, 0.0, 1.0)
@@ -176,7 +176,7 @@ def _acquire(
             step = 4.0 ** -draw.integers(0, 3, n_near)[:, None]
             candidates[:n_near] = centre + (candidates[:n_near] - centre) * moved * step
         screened = screen(candidates)
-        known = data.points
+        known = np.vstack([data.points, flying])
         chosen: list[FloatArray] = []
         beliefs: list[Beliefs] = []
         for _ in range(n):
@@ -186,7 +186,7 @@ def _acquire(
                 away = draw.standard_normal(best.shape) * (draw.random(best.shape) < 0.5)
                 screened.join(screen(np.clip(best + step_length * (high - low) * away, low, high)))
             values = screened.improvement(target)
-            # A point already evaluated would answer the same again.
+            # A point already evaluated, or in flight, would answer the same again.
             fresh = (
                 int(i)
                 for i in np.argsort(-values, kind="stable")
