@@ -125,6 +125,7 @@ def test_every_origin_that_is_written_is_listed():
             waveform={"initial": [[[0, 4, 3, 100], [20, 5, "hold", 80]]]} if engine == "sobol" else None,
             length_min=0.3,
             failure_tolerance=1,
+            improvement_cm_s=100.0,
             global_every=3,
             batch=1,
         )

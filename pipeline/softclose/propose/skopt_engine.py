@@ -176,7 +176,7 @@ def _acquire(
             step = 4.0 ** -draw.integers(0, 3, n_near)[:, None]
             candidates[:n_near] = centre + (candidates[:n_near] - centre) * moved * step
         screened = screen(candidates)
-        known = np.vstack([data.points, *flying])
+        known = np.vstack([data.points, flying])
         chosen: list[FloatArray] = []
         beliefs: list[Beliefs] = []
         for _ in range(n):
