@@ -13,8 +13,9 @@ SMALL = (
     "compute.block_switches=25",
     "store.n_times=51",
     "optimiser.n_initial=4",
+    "optimiser.batch=1",
 )
-"""Three blocks a candidate; a wave of four design points, then proposals of the surrogate."""
+"""Three blocks a candidate; a wave of four design points, then four of the surrogate, one a wave."""
 
 
 def command(*arguments: str) -> list[str]:

@@ -69,12 +69,25 @@ def test_a_killed_worker_is_replaced_and_its_block_retried(tmp_path: Path, refer
     assert run_round(tmp_path, reference_store, plan, random.Random(1)) == []
 
 
-@pytest.mark.parametrize("lag", [2, 3])
-def test_waves_in_flight_together_do_not_make_the_result_depend_on_timing(lag: int, tmp_path: Path) -> None:
+DESCENTS = (
+    "campaign.budget=0",
+    "explore.budget=160",
+    "explore.n_descents=2",
+    "finish.budget=14",
+    "finish.n_switches=80",
+    "compute.block_switches=1200",
+)
+"""Blocks of twenty candidates, two sets of descents that take turns, and a polish."""
+
+
+@pytest.mark.parametrize("settings", [("campaign.lag=2",), ("campaign.lag=3",), DESCENTS], ids=["2", "3", "descents"])
+def test_waves_in_flight_together_do_not_make_the_result_depend_on_timing(
+    settings: tuple[str, ...], tmp_path: Path
+) -> None:
     stores = []
     for name, placement in (("serial", ["--serial"]), ("two", ["--workers", "2"])):
         store = tmp_path / f"{name}.zarr"
-        done = softclose(*run_arguments(store, f"campaign.lag={lag}"), *placement)
+        done = softclose(*run_arguments(store, *settings), *placement)
         assert done.returncode == 0, done.stderr
         stores.append(store)
     assert differences(*stores) == []

@@ -204,7 +204,7 @@ def test_the_first_signal_finishes_what_is_in_flight(
 def test_a_full_disk_stops_cleanly_and_room_lets_it_go_on(tmp_path: Path, reference_store: Path) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)], capture_output=True)
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", str(disk)], capture_output=True)
     if mounted.returncode:
         pytest.skip("needs the right to mount a tmpfs")
     try:
