@@ -420,3 +420,13 @@ def test_a_run_adds_itself_to_the_runtime_group(path):
         store.note_run({"host": "two"})
     assert [r["host"] for r in open_campaign(path).runtime["runs"]] == ["one", "two"]
     assert zarr.open_group(path, mode="r", path="runtime").attrs["runs"] == [{"host": "one"}, {"host": "two"}]
+
+
+def test_rows_of_a_refused_wave_are_not_written_with_the_next_one(path):
+    with DriverStore(path) as store:
+        wave, markers = rows(store.layout, 0), write_wave(store, 0)
+        with pytest.raises(RecordError, match="must be one number"):
+            store.commit([*wave[:3], wave[3] | {"g_cm_s": "high"}], markers)
+        store.commit(wave[:2], {at: marker for at, marker in markers.items() if at[0] == 0})
+    assert np.isnan(zarr.open_array(path / "records", mode="r")[2:]).all()
+    assert not zarr.open_array(path / "digests", mode="r")[2:].any()
