@@ -8,6 +8,11 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# A deadline is a claim about the machine: on a busy one the same example passes the next time.
+settings.register_profile("softclose", deadline=None)
+settings.load_profile("softclose")
 
 
 @pytest.fixture(scope="session")

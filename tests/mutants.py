@@ -229,7 +229,7 @@ def page(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> str:
             for o in alive:
                 details.append(f"* survives: `{o['before']}` → `{o['after']}`")
             for o in excused:
-                details.append(f"* equivalent: `{o['before']}` → `{o['after']}`: {same[o['before'], o['after']]}")
+                details.append(f"* equivalent: `{o['before']}` → `{o['after']}`. {same[o['before'], o['after']]}")
     return "\n".join([*lines, *details]) + "\n"
 
 
@@ -250,7 +250,10 @@ def main() -> None:
                 continue
             target = Target(module, tuple(entry["tests"]), entry.get("no_jit", False))
             last = scores.get(module, {"outcomes": []})
-            known = {(o["before"], o["after"]): o["killed"] for o in last["outcomes"] if options.survivors}
+            known: dict[tuple[str, str], bool] = {}
+            for o in last["outcomes"] if options.survivors else ():
+                text = o["before"], o["after"]
+                known[text] = known.get(text, True) and o["killed"]  # two lines may read the same
             result = score(target, free, options.jobs, table["sample"], table["seed"], known)
             killed = sum(o.killed for o in result.outcomes)
             scores[module] = asdict(result) | {"first": last.get("first", f"{killed} of {len(result.outcomes)}")}
@@ -258,10 +261,15 @@ def main() -> None:
             for o in result.outcomes:
                 if not o.killed:
                     print(f"  {o.line}: {o.before}\n    -> {o.after}", flush=True)
-            RESULTS.parent.mkdir(parents=True, exist_ok=True)
-            kept = [scores[m] for m in table["modules"] if m in scores]
-            RESULTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", "utf-8")
-            PAGE.write_text(page(table, scores), "utf-8")
+            _write(table, scores)
+    _write(table, scores)
+
+
+def _write(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> None:
+    RESULTS.parent.mkdir(parents=True, exist_ok=True)
+    kept = [scores[m] for m in table["modules"] if m in scores]
+    RESULTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    PAGE.write_text(page(table, scores), "utf-8")
 
 
 if __name__ == "__main__":

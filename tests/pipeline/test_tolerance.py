@@ -79,7 +79,7 @@ def test_every_switch_is_driven_once_also_with_more_generators_than_switches() -
     assert row.assessment.n == 5
 
 
-def _lot_of_generators(error: DriveError, n: int = 4000, waveform: Waveform = TWO) -> list[Waveform]:
+def _lot_of_generators(error: DriveError, n: int = 2000, waveform: Waveform = TWO) -> list[Waveform]:
     return [drive for _, drive in _drives(n, waveform, error, n, 5)]
 
 
