@@ -212,7 +212,7 @@ def page(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> str:
     ]
     details: list[str] = []
     for module, entry in table["modules"].items():
-        name = f"`{module.split('/', 2)[2]}`"
+        name = f"`{module.split('/', 1)[1]}`"
         if module not in scores:
             lines.append(f"| {name} | | | | | | {entry.get('waits', 'not scored yet')} | |")
             continue
