@@ -15,6 +15,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+import softclose_workflows
 from softclose import __version__
 from softclose_workflows.cli import main
 
@@ -163,3 +164,13 @@ def test_output_to_a_pipe_has_no_colour(finished_store: Path) -> None:
         )
         assert done.returncode == 0, done.stderr
         assert "\x1b" not in done.stdout
+
+
+def test_no_table_loses_its_units() -> None:
+    """rich takes `[cm/s]` in a header or a title for markup, and drops it, unless it is escaped."""
+    package = Path(softclose_workflows.__file__).parent
+    for folder in ("tell", "analyses", "commands", "studies"):
+        for source in (package / folder).glob("*.py"):
+            for line in source.read_text("utf-8").splitlines():
+                if re.search(r"for column in|Table\(|^ +title=", line):
+                    assert not re.search(r"(?<!\\)\[(cm/s|s|m)\]", line), f"{source.name}: {line}"

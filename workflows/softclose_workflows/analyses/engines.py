@@ -89,7 +89,14 @@ def print_comparison(results: Sequence[Compared]) -> None:
 
     table = Table(title="median (lowest–highest) over the seeds", title_justify="left")
     table.add_column("engine")
-    for column in ("seeds", "evaluations", "g, training [cm/s]", "g, certified [cm/s]", "time [s]", "proposal [s]"):
+    for column in (
+        "seeds",
+        "evaluations",
+        "g, training \\[cm/s]",
+        "g, certified \\[cm/s]",
+        "time \\[s]",
+        "proposal \\[s]",
+    ):
         table.add_column(column, justify="right", no_wrap=True)
     for engine, runs in by_engine(results).items():
         certified = [r.certified_g_cm_s for r in runs]

@@ -52,7 +52,7 @@ def pareto(store: str, as_json: bool) -> None:
     shown = Table(title=f"{store}: v_u against p_nc, {n:,} switches", title_justify="left", show_lines=True)
     shown.add_column("candidate", justify="right")
     shown.add_column("waveform")
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]"):
+    for column in ("v_u \\[cm/s]", "mean V \\[cm/s]", "p_nc", "g \\[cm/s]"):
         shown.add_column(column, justify="right", no_wrap=True)
     for i, record, waveform in zip(front, records, waveforms, strict=True):
         shown.add_row(str(i), describe_waveform(waveform), *metrics_row(record))

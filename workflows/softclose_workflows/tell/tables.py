@@ -49,7 +49,7 @@ def print_designs(
     table = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_lines=True)
     for column in ("design", "waveform"):
         table.add_column(column)
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]"):
+    for column in ("v_u \\[cm/s]", "mean V \\[cm/s]", "p_nc", "g \\[cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for name, rows, record in designs:
         table.add_row(name, describe_waveform(rows), *metrics_row(record))
