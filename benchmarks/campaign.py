@@ -1,4 +1,4 @@
-"""What a whole campaign costs: in this process, on workers, against version 0.1, against a page of one's own.
+"""What a whole campaign costs: in process, on workers, against version 0.1, against a page of one's own.
 
     python benchmarks/campaign.py [--cases exploration default large] [--workers 0 1 2] [--repeats 3]
     python benchmarks/campaign.py --old ../softclose-0.1      beside a checkout of version 0.1 (tag or commit 6fc4e64)
@@ -87,7 +87,7 @@ OLD = {
     "exploration": ("campaign.budget=20", "optimiser.engine=sobol", "finish.budget=960", "finish.explore=960"),
     "as-0.1": (),
 }
-"""The same work in the words of version 0.1, where it can be said; a third of the candidates, since each costs 0.1 s."""
+"""The same work in the words of version 0.1, where it can be said: fewer candidates, since each costs 0.1 s."""
 
 
 def measure(case: str, workers: int, folder: Path) -> dict[str, float]:

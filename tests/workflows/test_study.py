@@ -119,12 +119,12 @@ def test_regret_is_what_a_value_loses_by_the_optimum_of_another(capsys: pytest.C
         "another value [cm/s]",
         "+0.75",
         "41.25",
-        "80.00 V from 0.00 µs",
+        "80.00 V from",
         "v_u [cm/s]",
         "0.1000 (",
         "optimum of 100",
     ):
-        assert text in said
+        assert text in " ".join(said.split())
     assert "33.5" not in said  # the second reference
     rows = [line.replace("│", " ").split() for line in said.splitlines() if "+0.00" in line]
     assert rows == [["100", "+0.00", "not", "admissible"], ["150", "+2.00", "+0.00"]]
