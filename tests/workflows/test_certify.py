@@ -212,7 +212,7 @@ def test_intervals_hold_on_fresh_switches_whatever_the_campaign_samples(store: s
 
 
 def test_reference_designs_keep_the_campaign_s_limit() -> None:
-    designs = reference_designs(load_config("current", ["waveform.max_volts=120"]))
+    designs = reference_designs(load_config("current", ["waveform.max_volts=120"])).designs
     assert designs["deterministic"].max_voltage() <= 120.0 * (1.0 + 1e-9)
 
 
