@@ -58,7 +58,7 @@ class CampaignSection:
     """A title for tables and reports."""
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 1
     """Key of every random number: the ensemble and the proposals."""
-    budget: Annotated[int, Field(ge=0, strict=True)] = 150
+    budget: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 150
     """Candidates of the search, `waveform.initial` included; 0 leaves it out."""
     wave: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 1
     """Candidates proposed together by an engine that proposes one at a time."""
@@ -206,7 +206,7 @@ class OptimiserSection:
 class ExploreSection:
     """Exploring: CMA-ES descents from several points, on the search's ensemble, by successive halving."""
 
-    budget: Annotated[int, Field(ge=0, strict=True)] = 0
+    budget: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
     """Candidates of the descents; 0 leaves them out."""
     n_descents: Annotated[int, Field(ge=1, le=64, strict=True)] = 4
     """Descents begun; the better half goes on after each round. The first begins at the best of the search."""
@@ -267,6 +267,9 @@ class StoreSection:
     """Sync every commit to the disk, against loss of power."""
 
 
+AREA_RANGE_UM2 = (1.0, 1e9)
+"""Plates from a micrometre to three centimetres wide [µm²]."""
+
 STEP_VOLTS = 100.0
 """The published study's unshaped step [V]."""
 
@@ -304,6 +307,11 @@ class CampaignConfig:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
         # Written out: a store says which area it was computed with, whatever a later version would choose.
         area = self.build_population().plate_area(self.model.plate_area_um2 or None)
+        if not AREA_RANGE_UM2[0] <= area <= AREA_RANGE_UM2[1]:
+            raise ValueError(
+                f"model.plate_area_um2 is {area:g}; it must be 0 (that of the population) or from "
+                f"{AREA_RANGE_UM2[0]:g} to {AREA_RANGE_UM2[1]:g} µm²"
+            )
         object.__setattr__(self, "model", replace(self.model, plate_area_um2=area))
         step = self.reference.step_volts or min(STEP_VOLTS, self.waveform.max_volts)
         object.__setattr__(self, "reference", replace(self.reference, step_volts=step))

@@ -69,7 +69,7 @@ def test_calibration_writes_a_population_that_run_accepts(tmp_path: Path) -> Non
     ("arguments", "message"),
     [
         (["nowhere.csv", "-o", "x.toml"], "cannot be read"),
-        ([EXAMPLE, "-o", "x.json"], "does not end in .toml"),
+        ([EXAMPLE, "-o", "x.json"], "give a name in .toml"),
         ([EXAMPLE, "-o", "missing/x.toml", "--bootstrap", "20"], "is no folder"),
         ([EXAMPLE, "-o", "x.toml", "--bounds", "D=2.3"], "D=2.3:2.7"),
         ([EXAMPLE, "-o", "x.toml", "--bounds", "D=2.5:2.7"], "widen"),

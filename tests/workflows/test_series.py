@@ -26,7 +26,7 @@ def test_a_series_tells_that_versions_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], quiet: bool
 ) -> None:
     store = empty_store(tmp_path)
-    monkeypatch.setattr(series, "Campaign", Nothing)
+    monkeypatch.setattr(series, "Driver", Nothing)
     series._run(store, SerialExecutor(), StopRequest(), series.Effort(quiet=quiet))
     assert "note:" not in capsys.readouterr().err
     monkeypatch.setattr(runtime, "version", lambda name: "0.0.1" if name == "zarr" else "9")

@@ -6,12 +6,13 @@ import json
 import shutil
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner, Result
 
 import softclose.plugins
-from softclose import simulate
+from softclose import plugins, simulate
 from softclose.propose.sobol import SobolEngine
 from softclose_workflows.cli import main
 
@@ -91,13 +92,16 @@ def test_running_says_what_is_missing(tmp_path: Path) -> None:
     assert not (tmp_path / "a.zarr").exists()
 
 
-def test_resuming_says_what_is_missing_before_it_starts(tmp_path: Path) -> None:
+def test_resuming_says_what_is_missing_before_it_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from softclose.config import CampaignConfig, load_config
     from softclose_workflows.run.creation import create_store
 
     data = load_config("current", SETTINGS[:3]).to_dict()
     data["optimiser"]["engine"] = "their-engine"
-    create_store(CampaignConfig.from_dict(data), str(tmp_path / "a.zarr"))
+    with monkeypatch.context() as installed:
+        theirs = SimpleNamespace(name="their-engine", load=lambda: SobolEngine)
+        installed.setattr(plugins, "entry_points", lambda group: [theirs] if group == "softclose.engines" else [])
+        create_store(CampaignConfig.from_dict(data), str(tmp_path / "a.zarr"))
     done = _run("resume", str(tmp_path / "a.zarr"), "--serial")
     assert done.exit_code == 2
     assert "no engine named 'their-engine'" in done.stderr
