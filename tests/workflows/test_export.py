@@ -21,7 +21,7 @@ from softclose_workflows.errors import ExportError
 from softclose_workflows.exports.pwl import STEP_EDGE_US, draw, spice_source
 from softclose_workflows.exports.samples import Scale, metadata, sample_times_us, volts_csv
 from softclose_workflows.exports.tables import ensemble_dataset, history_dataset
-from softclose_workflows.tell.outputs import whole_file, write_text
+from softclose_workflows.tell.outputs import OutputError, whole_file, write_text
 
 
 def export(store: Path, *arguments: str) -> Result:
@@ -308,7 +308,7 @@ def test_a_disk_that_is_full_is_said_and_leaves_nothing(tmp_path: Path, monkeypa
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("os.replace", full)
-    with pytest.raises(ExportError, match="No space left on device"):
+    with pytest.raises(OutputError, match="No space left on device"):
         write_text(tmp_path / "a.csv", "1")
     assert list(tmp_path.iterdir()) == []
 
