@@ -13,6 +13,7 @@ import contextlib
 import importlib
 import json
 import os
+import resource
 import shutil
 import signal
 import sys
@@ -35,6 +36,8 @@ RESULTS = ROOT / "docs" / "measurements" / "mutants.json"
 PAGE = RESULTS.with_suffix(".md")
 COPIED = ("pipeline", "store", "workflows", "tests", "pyproject.toml", "README.md", "docs", "scripts", "benchmarks")
 SOURCES = ("pipeline", "store", "workflows")
+MEMORY_BYTES = 8 * 2**30
+"""Address space of a test run."""
 PLUGINS = ("pytest_timeout", "_hypothesis_pytestplugin")
 LIBRARIES = (
     *PLUGINS,
@@ -110,6 +113,8 @@ def _run_in_child(copy: Path, target: Target) -> None:
     try:
         os.setsid()
         os.chdir(copy)
+        # A mutant may ask for all memory there is, and the system would end somebody else's process for it.
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
         log = os.open(copy / "tests.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         for stream in (1, 2):
             os.dup2(log, stream)

@@ -89,6 +89,25 @@ def test_a_switch_released_at_rest_comes_back_at_the_root_of_its_cubic(a: float)
     assert contact([1.0, 0.0, 0.0, -a], 4.0, 1.0, launched=True) == (NONE, 0.0)
 
 
+def test_what_is_no_instant_cannot_be_taken_for_one() -> None:
+    assert NONE < 0.0
+    assert UNDECIDED < 0.0
+    assert NONE != UNDECIDED
+
+
+def test_moving_away_from_just_below_the_contact_loses_no_digits() -> None:
+    # v and the root of v² + 2 bend f agree in all their digits here: their difference must not be taken.
+    tau, speed = contact([1.0 - 2.0**-52, -0.5, 0.25], 4.0, 1.0)
+    assert (tau, speed) == (pytest.approx(2.0), pytest.approx(0.5))
+
+
+def test_an_arrival_at_the_very_end_of_the_step_is_one() -> None:
+    assert contact([0.0, 1.0], 1.0, 1.0, bend=0.0) == (1.0, 1.0)
+    back = [1.0, 0.0, 0.0, -0.375, 0.125]  # exact in binary, at 3 too
+    tau, speed = contact(back, 3.0, 1.0, launched=True)
+    assert (tau, speed) == (3.0, pytest.approx(3.375))
+
+
 @pytest.mark.parametrize(("h", "tau"), [(1.0, 1.0), (0.999, NONE), (1e9, 1.0)])
 def test_the_end_of_the_step_belongs_to_it(h: float, tau: float) -> None:
     assert contact([0.0, 1.0], h, 1.0, bend=1e-12)[0] == pytest.approx(tau)

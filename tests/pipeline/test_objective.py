@@ -45,6 +45,7 @@ def test_eqs_7_to_10_on_ten_switches() -> None:
     assert a.mean_cm_s == 5.5
     assert a.max_cm_s == 10.0
     assert a.p_above_v_u == 0.1
+    assert a.p_above_v_u_half_width == pytest.approx(1.959964 * math.sqrt(0.1 * 0.9 / 10), rel=1e-6)  # Eq. 11
     assert [e.probability.estimate for e in a.p_exceed] == [0.5, 0.2]
     assert a.feasible
     assert a.intervals_valid
@@ -155,7 +156,7 @@ def test_the_error_of_g_vanishes_at_most_where_the_slow_switches_stay_open() -> 
 
 
 def test_the_interval_of_g_is_v_us_widened_by_what_p_nc_may_be() -> None:
-    v = np.linspace(10.0, 20.0, 200)
+    v = np.linspace(3.0, 5.0, 200) ** 3  # skewed: the interval of v_u is not symmetric
     a = assess(_made(list(v)))  # all closed: p_nc can only be larger
     low, high = intervals.quantile_interval(v, 0.9)
     assert a.v_u_interval == pytest.approx((low, high))

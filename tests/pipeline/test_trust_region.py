@@ -35,6 +35,7 @@ def test_the_trust_region_doubles_halves_and_starts_again() -> None:
         ((40, 40, 40, 40, 40), 0.4),  # and so does a fourth failure
         ((40,) * 6, 0.2),
         ((29, 40, 28), 0.8),  # a failure ends a run of successes
+        ((40, 29, 28), 1.6),  # one failure is no debt
         ((40, 40, 29, 40, 40), 0.8),  # a success ends a run of failures
         ((math.nan, math.nan, math.nan), 0.4),  # a candidate that failed is no success
         ((29, 29.5, 29.5, 29.5), 0.4),  # improving on the first is not enough, the best counts
@@ -140,3 +141,9 @@ def test_a_wave_is_one_success_or_as_many_failures_as_it_has_candidates():
     assert replay([30, 29, 31, 31, 31], origins, RULES, [0, 1, 1, 1, 1]).length == 0.8
     assert replay([30, 31, 31, 31, 29], origins, RULES, [0, 1, 1, 1, 2]).length == 0.4
     assert replay([30, 31, 31, 31, 29], origins, RULES, [0, 1, 1, 1, 1]).length == 0.8
+
+
+def test_a_restart_begins_after_the_whole_wave_that_ended_the_last_one() -> None:
+    waves = [0, *(1 + k // 3 for k in range(9))]
+    region = replay([30.0] + [40.0] * 9, [SOBOL] + [LOCAL] * 9, RULES, waves)
+    assert (region.restarts, region.begin, region.incumbent) == (1, 10, None)
