@@ -22,7 +22,7 @@ from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
 from softclose_workflows.run.creation import population_columns
-from softclose_workflows.run.tasks import Rows, compute_block, times_us
+from softclose_workflows.run.tasks import compute_block, rows_of, times_us
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,10 +107,7 @@ def _block_arrays(
     own, first = layout.stage(stage), layout.first(stage)
     candidates, rows = own.candidates(row), own.switches(column)
     indices = range(first + candidates.start, first + candidates.stop)
-    waveforms: tuple[Rows, ...] = tuple(
-        tuple((p.start_us, p.rise_us, p.peak_us, p.volts) for p in Waveform.from_rows(stored["waveform"][i]).pulses)
-        for i in indices
-    )
+    waveforms = tuple(rows_of(Waveform.from_rows(stored["waveform"][i])) for i in indices)
     stop = min(rows.stop, int(stored["n_switches"][indices[0]]))
     return compute_block(config, switches[rows.start : stop], waveforms)[0]
 

@@ -42,7 +42,7 @@ def drive(
             create_store(config, path)  # refuses whatever is not this very campaign
         if not state.finished:
             if config is None:
-                CampaignConfig.from_dict(open_campaign(path).config).check_plugins()
+                whole.check_plugins()
             executor = stack.enter_context(open_executor(placement))
             if config is not None and is_new:
                 create_store(config, path)

@@ -18,7 +18,7 @@ from softclose.plugins import EngineError
 from softclose.propose.origins import FALLBACK
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
-from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave, seen_by
 from softclose.waveform import Waveform
 from softclose_store import DriverStore
 from softclose_workflows.errors import Stopped
@@ -128,7 +128,7 @@ class Driver:
     def _propose(self, wave: Wave) -> Flight:
         """The wave as a pure function of what it may see, with the blocks that an earlier run has stored."""
         began = time.perf_counter()
-        seen = [o for o in self._history if o.wave < wave.sees]
+        seen = seen_by(wave, self._history)
         pending = [o.waveform for o in self._history[len(seen) :]]
         pending += [p.waveform for w in sorted(self._flights) for p in self._flights[w].proposals]
         proposals = self._ask(wave, seen, pending)

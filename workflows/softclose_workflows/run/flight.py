@@ -16,7 +16,7 @@ from softclose.metrics.objective import Judged
 from softclose.propose.protocol import Proposal, Wave
 from softclose_store import Layout, assessed_digest, proposals_digest
 from softclose_workflows.run import records
-from softclose_workflows.run.tasks import BlockResult, BlockTask, Rows
+from softclose_workflows.run.tasks import BlockResult, BlockTask, rows_of
 
 Place = tuple[int, int]
 """Row and column of a block in its stage."""
@@ -90,9 +90,7 @@ def plan_tasks(
 ) -> dict[Place, BlockTask]:
     """The blocks of a wave, by place."""
     stage, first_local = layout.stage_of(wave.start)
-    waveforms: list[Rows] = [
-        tuple((p.start_us, p.rise_us, p.peak_us, p.volts) for p in proposal.waveform.pulses) for proposal in proposals
-    ]
+    waveforms = [rows_of(proposal.waveform) for proposal in proposals]
     tasks = {}
     digests: dict[int, int] = {}
     for row, column in layout.wave_blocks(wave.start, wave.size, wave.n_switches):

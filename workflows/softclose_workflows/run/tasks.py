@@ -81,6 +81,11 @@ class BlockResult:
     """Time spent storing [s]."""
 
 
+def rows_of(waveform: Waveform) -> Rows:
+    """A waveform as a task carries it."""
+    return tuple((p.start_us, p.rise_us, p.peak_us, p.volts) for p in waveform.pulses)
+
+
 def times_us(config: CampaignConfig) -> FloatArray:
     """The uniform grid of the stored trajectories: (n_times,) from 0 to the horizon [µs]."""
     return np.linspace(0.0, config.model.horizon_us, config.store.n_times)
