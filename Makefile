@@ -4,6 +4,7 @@ VENV    := .venv
 BIN     := $(VENV)/bin
 RUNS    ?= runs
 WORKERS ?= 2
+TESTERS ?= auto
 INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 
 # One thread per process: numerical libraries must not reorder sums, nor fight Dask for cores.
@@ -52,8 +53,8 @@ run: env  ## the main job: two and three pulses for the current design (RUNS=...
 	$(BIN)/softclose run current-three --store $(RUNS)/current-three.zarr --workers $(WORKERS)
 	$(BIN)/softclose compare $(RUNS)/current.zarr $(RUNS)/current-three.zarr
 
-test: env-test  ## every test
-	$(BIN)/python -m pytest
+test: env-test  ## every test, on as many processes as there are cores (TESTERS=...)
+	$(BIN)/python -m pytest --numprocesses $(TESTERS) --dist worksteal
 
 lint: env-lint  ## style, types and the direction of imports
 	$(BIN)/ruff check .

@@ -91,28 +91,44 @@ class Score:
     """Time of the whole sample, one mutant at a time."""
 
 
-def run_tests(copy: Path, target: Target, timeout_s: float) -> int:
-    """Exit status of the tests in a copy of the tree; 124 past the time limit."""
+@dataclass(frozen=True)
+class Limits:
+    """How long a test run may take, in seconds.
+
+    On a busy machine the clock goes on while the tests wait, and a mutant that is merely late would count as killed:
+    an endless loop is ended by the processor's time, a wait without end by the clock.
+    """
+
+    processor: int
+    clock: float
+
+
+BASELINE = Limits(processor=600, clock=1800.0)
+
+
+def run_tests(copy: Path, target: Target, limits: Limits) -> tuple[int, float]:
+    """Exit status of the tests in a copy of the tree (124 past the clock's limit) and their processor time in s."""
     pid = os.fork()
     if pid == 0:
-        _run_in_child(copy, target)
-    deadline = time.monotonic() + timeout_s
+        _run_in_child(copy, target, limits)
+    deadline = time.monotonic() + limits.clock
     while time.monotonic() < deadline:
-        done, status = os.waitpid(pid, os.WNOHANG)
+        done, status, usage = os.wait4(pid, os.WNOHANG)
         if done:
-            return os.waitstatus_to_exitcode(status)
+            return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
         time.sleep(0.02)
     with contextlib.suppress(ProcessLookupError):
         os.killpg(pid, signal.SIGKILL)  # the tests' own children too
     os.waitpid(pid, 0)
-    return 124
+    return 124, limits.clock
 
 
-def _run_in_child(copy: Path, target: Target) -> None:
+def _run_in_child(copy: Path, target: Target, limits: Limits) -> None:
     status = 70
     try:
         os.setsid()
         os.chdir(copy)
+        resource.setrlimit(resource.RLIMIT_CPU, (limits.processor, limits.processor))
         # A mutant may ask for all memory there is, and the system would end somebody else's process for it.
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
         log = os.open(copy / "tests.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -169,15 +185,17 @@ def score(
     held = [free.get() for _ in range(jobs)]
     source = (held[0] / target.module).read_text("utf-8")
     sample, places = mutants(source, n, seed)
-    slowest = 0.0
+    slowest_s = slowest_cpu_s = 0.0
     for copy in held:  # also fills each copy's cache of compiled kernels
         begin = time.monotonic()
-        status = run_tests(copy, target, 600.0)
-        slowest = max(slowest, time.monotonic() - begin)
+        status, cpu_s = run_tests(copy, target, BASELINE)
+        slowest_s = max(slowest_s, time.monotonic() - begin)
+        slowest_cpu_s = max(slowest_cpu_s, cpu_s)
         if status != 0:
             log = (copy / "tests.log").read_text("utf-8")
             raise SystemExit(f"{target.module}: its tests end with {status} before anything is changed\n{log[-3000:]}")
         free.put(copy)
+    limits = Limits(processor=10 + round(4.0 * slowest_cpu_s), clock=60.0 + 10.0 * slowest_s)
 
     def attempt(mutant: Mutant) -> tuple[Outcome, float]:
         if known.get((mutant.before, mutant.after)):
@@ -188,7 +206,7 @@ def score(
             stamp = file.stat()
             file.write_text(mutant.source, "utf-8")
             begin = time.monotonic()
-            status = run_tests(copy, target, 10.0 + 4.0 * slowest)
+            status, _ = run_tests(copy, target, limits)
             seconds = time.monotonic() - begin
             file.write_text(source, "utf-8")
             os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
