@@ -182,12 +182,6 @@ class OptimiserSection:
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
     n_fit: Annotated[int, Field(ge=16, le=MAX_COUNT, strict=True)] = 100
     """Points nearest to the incumbent from which the hyperparameters are fitted; the surrogate uses all points."""
-    global_every: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
-    """Every so many proposals the acquisition looks everywhere; 0: never."""
-    warp: Literal["none", "clip", "log"] = "log"
-    """What the surrogate sees of g: as it is, cut off above the median, or its logarithm above the best."""
-    noise_share: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Share of g's sampling variance that counts as noise between candidates, which share one ensemble."""
     length_initial: Positive = 0.4
     """Width of the trust region at the start, in units of the search cube."""
     length_min: Positive = 0.03

@@ -126,7 +126,6 @@ def test_every_origin_that_is_written_is_listed():
             length_min=0.3,
             failure_tolerance=1,
             improvement_cm_s=100.0,
-            global_every=3,
             batch=1,
         )
         written |= {o.origin for o in run(problem)[0]}

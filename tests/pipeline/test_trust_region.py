@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from softclose.propose.origins import GLOBAL, LOCAL, SOBOL
+from softclose.propose.origins import LOCAL, RESTART, SOBOL
 from softclose.propose.trust_region import TrustRegion, TrustRegionRules, replay
 
 RULES = TrustRegionRules(initial=0.8, smallest=0.15, largest=1.6, successes=2, failures=3, improvement_cm_s=0.5)
@@ -60,10 +60,10 @@ def test_the_length_stays_between_its_limits() -> None:
 
 
 def test_other_origins_move_the_incumbent_and_nothing_else() -> None:
-    region = replay([30, 29, 28, 27, 40], [SOBOL, GLOBAL, SOBOL, GLOBAL, GLOBAL], WIDE)
+    region = replay([30, 29, 28, 27, 40], [SOBOL, RESTART, SOBOL, RESTART, RESTART], WIDE)
     assert (region.length, region.incumbent, region.begin) == (0.8, 3, 0)
     # It also sets what a local candidate has to beat.
-    assert replay([30, 20, 29, 28], [SOBOL, GLOBAL, LOCAL, LOCAL], WIDE).length == 0.8
+    assert replay([30, 20, 29, 28], [SOBOL, RESTART, LOCAL, LOCAL], WIDE).length == 0.8
 
 
 def test_runs_do_not_outlive_a_restart() -> None:
@@ -88,7 +88,7 @@ def test_the_incumbent_is_the_best_record_of_this_restart_or_of_all(seed: int) -
         improvement_cm_s=float(rng.choice([0.0, 0.5])),
     )
     g = np.where(rng.random(80) < 0.1, np.nan, rng.integers(20, 120, 80) / 2.0).tolist()
-    origins = rng.choice([SOBOL, GLOBAL, LOCAL, LOCAL, LOCAL], 80).tolist()
+    origins = rng.choice([SOBOL, RESTART, LOCAL, LOCAL, LOCAL], 80).tolist()
     for n in range(1, 81):
         region = replay(g[:n], origins[:n], rules)
         around_the_best = region.incumbent is not None and region.incumbent < region.begin

@@ -61,20 +61,19 @@ def surrogate_dependence(
     """One- and two-dimensional partial dependence of g, from a fit to the recorded search.
 
     None where fewer than MIN_CANDIDATES usable candidates lie in the search space, or the process cannot be fitted.
-    g above its median is cut off before the fit, as the engine does (`optimiser.warp`): high plateaus are lower bounds.
+    g far above its median is cut off before the fit: high plateaus are lower bounds, and the logarithm that the engine
+    takes cannot be averaged back.
     """
-    from softclose.propose.surrogate import collect, fit, warped  # imported where it is used: skopt is slow to import
+    from softclose.propose.surrogate import clipped, collect, fit  # imported where it is used: skopt is slow to import
 
     data = collect(problem, search_history(problem, history))
     if len(data.g) < MIN_CANDIDATES:
         return None
-    warp = "none" if problem.config.optimiser.warp == "none" else "clip"  # a logarithm cannot be averaged back
-    y, per_cm_s = warped(data.g, warp)
-    noise = problem.config.optimiser.noise_share * (data.se * per_cm_s) ** 2
+    y, per_cm_s = clipped(data.g)
     with threadpool_limits(limits=1), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # bounds of the length scales are met often, as in the engine
         try:
-            model = fit(data.points, y, noise, problem.config.optimiser.fit_iterations)
+            model = fit(data.points, y, problem.config.optimiser.fit_iterations)
         except (np.linalg.LinAlgError, ValueError, FloatingPointError):
             return None
         best = int(np.argmin(data.g))

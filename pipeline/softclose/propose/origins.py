@@ -7,7 +7,7 @@ from typing import Literal
 
 INITIAL = "initial"
 SOBOL = "sobol"
-LOCAL, GLOBAL, RESTART = "trust-region", "global", "restart"
+LOCAL, RESTART = "trust-region", "restart"
 CMAES = "cmaes"
 DIRECT = "direct"
 BOTORCH = "botorch"
@@ -42,7 +42,6 @@ ORIGINS: dict[str, Origin] = {
         Origin(name=INITIAL, stage="search", group="start", label="the user's own waveform", designed=True),
         Origin(name=SOBOL, stage="search", group="start", label="space-filling design", designed=True),
         Origin(name=LOCAL, stage="search", group="around the best", label="Gaussian process, trust region"),
-        Origin(name=GLOBAL, stage="search", group="everywhere", label="Gaussian process, everywhere"),
         Origin(name=RESTART, stage="search", group="start", label="design of a fresh start", designed=True),
         Origin(name=CMAES, stage="search", group="descents", label="CMA-ES"),
         Origin(name=DIRECT, stage="search", group="everywhere", label="DIRECT"),

@@ -3,7 +3,7 @@
 Composed from `skopt.learning` and `skopt.acquisition` rather than `skopt.Optimizer`, whose state lives across calls,
 whose `tell` refuses points outside its space, and whose `space_constraint` turns the acquisition search into plain
 sampling. Method: a design where the lot may land, then Matérn-5/2 with one length scale per input plus white noise and
-expected improvement in a trust region around the incumbent (everywhere only every `optimiser.global_every` proposals);
+expected improvement in a trust region around the incumbent;
 see ADR 031 and 034 to 036 for what was measured.
 """
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from softclose.propose.design import design_point
 from softclose.propose.inputs import SWING
-from softclose.propose.origins import FALLBACK, GLOBAL, LOCAL, POLISH, RESTART, SOBOL
+from softclose.propose.origins import FALLBACK, LOCAL, POLISH, RESTART, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, search_history
 from softclose.propose.sobol import sobol_points
 from softclose.propose.trust_region import TrustRegion, TrustRegionRules, replay
@@ -53,7 +53,7 @@ class SkoptEngine:
     def propose_wave(
         self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> list[Proposal]:
-        """Initial design first, then expected improvement in the trust region, every few waves everywhere."""
+        """Initial design first, then expected improvement in the trust region."""
         from softclose.propose.surrogate import collect  # imported where it is used: skopt is slow to import
 
         settings, space = problem.config.optimiser, problem.space
@@ -82,16 +82,14 @@ class SkoptEngine:
         since = wave.start - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
         if region.begin and (since < settings.n_restart or region.incumbent is None):
             return proposals(design(since, f"again{region.restarts}", region.restarts % 2), RESTART)
-        number = (wave.start - settings.n_initial) // settings.batch
-        everywhere = settings.global_every > 0 and number % settings.global_every == settings.global_every - 1
         draw = problem.generator("acquire", wave.start)
         try:
-            points, beliefs = _acquire(problem, data, region, pending, wave.size, everywhere, draw)
+            points, beliefs = _acquire(problem, data, region, pending, wave.size, draw)
         except (np.linalg.LinAlgError, ValueError, FloatingPointError) as e:
             best = data.points[int(np.argmin(data.g))]
             near = best + 0.25 * region.length * draw.standard_normal((wave.size, space.dim))
             return proposals(near, FALLBACK, note=f"surrogate failed ({type(e).__name__}: {e})"[:200])
-        return proposals(points, GLOBAL if everywhere else LOCAL, beliefs)
+        return proposals(points, LOCAL, beliefs)
 
 
 def polish(problem: Problem, wave: Wave, finished: Sequence[Observation], pending: Sequence[Waveform]) -> FloatArray:
@@ -109,7 +107,7 @@ def polish(problem: Problem, wave: Wave, finished: Sequence[Observation], pendin
     region = replace(region, incumbent=int(np.argmin(data.g)), begin=0)
     draw = problem.generator("polish", wave.start)
     try:
-        return _acquire(problem, data, region, pending, wave.size, False, draw)[0]
+        return _acquire(problem, data, region, pending, wave.size, draw)[0]
     except (np.linalg.LinAlgError, ValueError, FloatingPointError):
         return nothing
 
@@ -134,22 +132,20 @@ def _acquire(
     region: TrustRegion,
     pending: Sequence[Waveform],
     n: int,
-    everywhere: bool,
     draw: np.random.Generator,
 ) -> tuple[FloatArray, list[Beliefs]]:
     """(n, d) points of largest expected improvement, each with those before it taken on trust: over a few thousand
     admissible points, then around the best of them."""
-    from softclose.propose.surrogate import Screened, fit, surrogate_inputs, warped
+    from softclose.propose.surrogate import Screened, fit, logarithmic, surrogate_inputs
 
     space, settings = problem.space, problem.config.optimiser
-    y, per_cm_s = warped(data.g, settings.warp)
-    noise = settings.noise_share * (data.se * per_cm_s) ** 2
+    y, per_cm_s = logarithmic(data.g)
     nearest = region.incumbent if region.incumbent is not None else int(np.argmin(data.g))
     centre = data.points[nearest]
     with warnings.catch_warnings():
         # Convergence of the likelihood is not required, and bounds are met often.
         warnings.simplefilter("ignore")
-        model = fit(data.inputs, y, noise, settings.fit_iterations, data.inputs[nearest], settings.n_fit)
+        model = fit(data.inputs, y, settings.fit_iterations, data.inputs[nearest], settings.n_fit)
         hyper = model.kernel_.get_params()
         names = (*space.names, *SWING)
         scales = np.broadcast_to(np.asarray(hyper["k1__k2__length_scale"], dtype=np.float64), (len(names),))
@@ -160,21 +156,20 @@ def _acquire(
             model.believe(inputs)
 
         middle = np.clip(centre, 0.0, 1.0)
-        low, high = (np.zeros(space.dim), np.ones(space.dim)) if everywhere else region.box(middle, scales[: space.dim])
-        target = float(y.min() if everywhere or region.incumbent is None else y[region.incumbent])
+        low, high = region.box(middle, scales[: space.dim])
+        target = float(y.min() if region.incumbent is None else y[region.incumbent])
 
         def screen(points: FloatArray) -> Screened:
             points = space.canonical(points)
             return Screened(model, points, surrogate_inputs(problem, points))
 
         candidates = low + (high - low) * sobol_points(space.dim, settings.n_candidates, draw)
-        if not everywhere:
-            n_near = len(candidates) * 3 // 4
-            # Most candidates move some coordinates only, and less far: in ten dimensions hardly a point of a box is
-            # near its centre, and the ridges of g are narrow.
-            moved = draw.random((n_near, space.dim)) < np.linspace(0.15, 1.0, n_near)[:, None]
-            step = 4.0 ** -draw.integers(0, 3, n_near)[:, None]
-            candidates[:n_near] = centre + (candidates[:n_near] - centre) * moved * step
+        n_near = len(candidates) * 3 // 4
+        # Most candidates move some coordinates only, and less far: in ten dimensions hardly a point of a box is near
+        # its centre, and the ridges of g are narrow.
+        moved = draw.random((n_near, space.dim)) < np.linspace(0.15, 1.0, n_near)[:, None]
+        step = 4.0 ** -draw.integers(0, 3, n_near)[:, None]
+        candidates[:n_near] = centre + (candidates[:n_near] - centre) * moved * step
         screened = screen(candidates)
         known = np.vstack([data.points, flying])
         chosen: list[FloatArray] = []

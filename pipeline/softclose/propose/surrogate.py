@@ -119,12 +119,11 @@ def _deviation(variance: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurrogateData:
-    """What the surrogate learns from: canonical points, its inputs there, g and the noise of g."""
+    """What the surrogate learns from: canonical points, its inputs there and g."""
 
     points: FloatArray
     inputs: FloatArray
     g: FloatArray
-    se: FloatArray
     origins: tuple[str, ...]
     indices: NDArray[np.int64]
     waves: tuple[int, ...]
@@ -140,7 +139,6 @@ def collect(problem: Problem, history: Sequence[Observation]) -> SurrogateData:
         points=points,
         inputs=surrogate_inputs(problem, points),
         g=np.array([o.g_cm_s for o in kept], dtype=np.float64),
-        se=np.array([o.g_se_cm_s if np.isfinite(o.g_se_cm_s) else 0.0 for o in kept], dtype=np.float64),
         origins=tuple(o.origin for o in kept),
         indices=np.array([o.index for o in kept], dtype=np.int64),
         waves=tuple(o.wave for o in kept),
@@ -156,17 +154,23 @@ def surrogate_inputs(problem: Problem, points: FloatArray) -> FloatArray:
     return np.column_stack([points, swing.mean / FARTHEST, np.log(swing.sd + 0.01) / math.log(30.0) + 1.2, phase])
 
 
-def warped(g: FloatArray, mode: str) -> tuple[FloatArray, float]:
-    """g in units in which its spread is about 1: what is far above the median says only "bad"."""
+def logarithmic(g: FloatArray) -> tuple[FloatArray, float]:
+    """The logarithm of g above the best, its spread about 1, and how much of it is 1 cm/s at the best.
+
+    What is far above the median says only "bad".
+    """
+    best = float(g.min())
+    scale = max(0.25 * (float(np.median(g)) - best), 1e-3)
+    return _standard(np.log1p((g - best) / scale), 1.0 / scale)
+
+
+def clipped(g: FloatArray) -> tuple[FloatArray, float]:
+    """g cut off as far above the median as the best is below it, its spread about 1, and how much of it is 1 cm/s."""
     best, middle = float(g.min()), float(np.median(g))
-    if mode == "log":
-        scale = max(0.25 * (middle - best), 1e-3)
-        y = np.log1p((g - best) / scale)
-        unit = 1.0 / scale
-    else:
-        ceiling = middle + (middle - best) if mode == "clip" else np.inf
-        y = np.minimum(g, max(ceiling, best + 1e-3))
-        unit = 1.0
+    return _standard(np.minimum(g, max(middle + (middle - best), best + 1e-3)), 1.0)
+
+
+def _standard(y: FloatArray, unit: float) -> tuple[FloatArray, float]:
     spread = max(float(y.std()), 1e-9)
     return (y - y.mean()) / spread, unit / spread
 
@@ -174,7 +178,6 @@ def warped(g: FloatArray, mode: str) -> tuple[FloatArray, float]:
 def fit(
     points: FloatArray,
     y: FloatArray,
-    noise: FloatArray,
     max_iterations: int,
     centre: FloatArray | None = None,
     n_fit: int = 200,
@@ -187,7 +190,7 @@ def fit(
     if centre is None:
         centre = points[int(np.argmin(y))]
     near = np.argsort(((points - centre) ** 2).sum(axis=1), kind="stable")[:n_fit]
-    evidence = Evidence(points[near], y[near], noise[near] + JITTER)
+    evidence = Evidence(points[near], y[near], np.full(len(near), JITTER))
     centre_of_prior = np.log([1.0, *([0.5] * dim), 1e-3])
     width_of_prior = np.array([1.0, *([0.8] * dim), 2.0])
 
@@ -202,11 +205,11 @@ def fit(
         )
         return found.x, float(found.fun)
 
-    model = Surrogate(kernel, alpha=noise[near] + JITTER, optimizer=optimise, noise="gaussian")
+    model = Surrogate(kernel, alpha=JITTER, optimizer=optimise, noise="gaussian")
     model.fit(points[near], y[near])
     if len(near) == len(points):
         return model
-    everything = Surrogate(model.kernel_, alpha=noise + float(model.noise_ or 0.0) + JITTER, optimizer=None)
+    everything = Surrogate(model.kernel_, alpha=float(model.noise_ or 0.0) + JITTER, optimizer=None)
     everything.fit(points, y)
     everything.noise_ = model.noise_
     return everything
