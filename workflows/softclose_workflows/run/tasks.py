@@ -101,12 +101,8 @@ def compute_block(
     """
     from softclose.evaluate import respond
 
-    c, s, times = len(waveforms), len(switches), times_us(config)
-    n_impacts = config.store.max_impacts
-    response = np.full((c, s, len(QUANTITIES)), np.nan)
-    response[:, :, PLACE["closed"]], response[:, :, PLACE["status"]] = 0.0, -1.0
-    impact = np.full((c, s, n_impacts, len(IMPACT_QUANTITIES)), np.nan)
-    x, v = (np.full((c, s, len(times)), np.nan, dtype=np.float32) for _ in "xv")
+    times, n_impacts = times_us(config), config.store.max_impacts
+    found: list[tuple[NDArray[Any], ...]] = []
     failures: dict[int, str] = {}
     for i, rows in enumerate(waveforms):
         try:
@@ -121,8 +117,9 @@ def compute_block(
             )
         except FAILURES as e:
             failures[i] = f"{type(e).__name__}: {e}"
+            found.append(_nothing(len(switches), n_impacts, len(times)))
             continue
-        known = {
+        known: dict[str, NDArray[Any]] = {
             "max_contact_speed": r.max_contact_speed,
             "first_contact": r.first_contact_us,
             "settling": r.settling_us,
@@ -132,12 +129,26 @@ def compute_block(
             "closed": r.closed,
             "status": r.status,
         }
-        for quantity, k in PLACE.items():
-            response[i, :, k] = known[quantity]
-        impact[i, :, :, 0], impact[i, :, :, 1] = r.impact_time_us, r.impact_speed
-        x[i], v[i] = r.x, r.v
-    arrays: dict[str, NDArray[Any]] = {"response": response, "x": x, "v": v, "impact": impact}
-    return arrays, failures
+        response = np.stack([known[quantity] for quantity in PLACE], axis=-1, dtype=np.float64)
+        impact = np.empty((len(switches), n_impacts, len(IMPACT_QUANTITIES)))
+        impact[..., 0], impact[..., 1] = r.impact_time_us, r.impact_speed
+        x, v = (np.asarray(sampled, dtype=np.float32) for sampled in (r.x, r.v))
+        found.append((response, x, v, impact))
+    names = ("response", "x", "v", "impact")
+    return dict(zip(names, map(_stacked, zip(*found, strict=True)), strict=True)), failures
+
+
+def _nothing(n: int, n_impacts: int, n_times: int) -> tuple[NDArray[Any], ...]:
+    """What is stored of n switches whose device model failed: response, x, v, impact."""
+    response = np.full((n, len(PLACE)), np.nan)
+    response[:, PLACE["closed"]], response[:, PLACE["status"]] = 0.0, -1.0
+    x = np.full((n, n_times), np.nan, dtype=np.float32)
+    return response, x, x, np.full((n, n_impacts, len(IMPACT_QUANTITIES)), np.nan)
+
+
+def _stacked(rows: tuple[NDArray[Any], ...]) -> NDArray[Any]:
+    """Candidates first; a single candidate's array, which may be of many megabytes, is not copied."""
+    return rows[0][np.newaxis] if len(rows) == 1 else np.stack(rows)
 
 
 def run_block(task: BlockTask) -> BlockResult:
