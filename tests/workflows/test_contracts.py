@@ -18,7 +18,7 @@ import xarray as xr
 from campaigns import command, run_arguments, softclose
 from softclose_store import open_campaign
 from stores import differences, visible_lengths
-from torture import POINTS, Plan, run_round
+from torture import Plan, run_round
 
 
 def wait_for_commits(store: Path, n: int, process: subprocess.Popen[bytes], timeout_s: float = 120.0) -> None:
@@ -56,11 +56,9 @@ def test_a_killed_driver_is_resumed_to_the_same_store(tmp_path: Path, reference_
     assert differences(reference_store, store) == []
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("point", POINTS)
-def test_a_kill_at_any_durability_step_loses_nothing(point: str, tmp_path: Path, reference_store: Path) -> None:
-    passage = 1 if point == "inside-creation" else 3
-    plan = Plan(kind="point", point=point, passage=passage)
+def test_a_round_of_torture_kills_resumes_and_finds_the_same_store(tmp_path: Path, reference_store: Path) -> None:
+    """Every named step is tried by tests/store/test_kills.py, and by `make torture` through the whole program."""
+    plan = Plan(kind="point", point="inside-record", passage=3)
     assert run_round(tmp_path, reference_store, plan, random.Random(1)) == []
 
 
