@@ -110,6 +110,7 @@ def test_a_uniform_reaches_beyond_its_data_by_their_mean_spacing() -> None:
     assert fitted.distribution == Bounded(lower=0.0, upper=6.0)
     assert fitted.numbers["half_width"].value == 1.0
     given_bounds = fit(np.arange(1.0, 6.0), "uniform", bounds=(0.5, 8.0), n_bootstrap=20)
+    assert given_bounds.numbers["half_width"].value == pytest.approx(7.5 / 8.5)
     assert given_bounds.distribution == Bounded(lower=0.5, upper=8.0)
 
 
@@ -193,6 +194,11 @@ def test_the_plate_area_of_the_fit_is_part_of_the_population(tmp_path: Path) -> 
         calibrate(m, plate_area_um2=0.0)
 
 
+def test_the_limits_themselves_are_accepted(tmp_path: Path) -> None:
+    lines = ["a,20,0.1,20,1000", "a,0.5,0.1,3.2,1", *["a,3.7,2.4,7.0,80"] * 6]
+    assert read_measurements(_file(tmp_path, lines)).G_um[0] == 20.0
+
+
 @pytest.mark.parametrize(
     ("header", "lines", "words"),
     [
@@ -223,6 +229,12 @@ def test_the_plate_area_of_the_fit_is_part_of_the_population(tmp_path: Path) -> 
             "pull_in_V is '1.080,5'; it must be a number such as 3.7",
         ),
         (None, ["b,nan,2.4,7,80"], "G_um is 'nan'"),
+        (None, ["b,3.7,-0.5,7,80"], r"D_um is -0\.5; expected 0\.1–20 µm$"),
+        (None, ["b,3.7,2.4,20.5,80"], "T_um is 20.5; expected 0.5–20 µm"),
+        (None, ["b,3.7,2.4,2e-5,80"], "are these metres"),
+        (None, ["b,3.7,2.4,0.02,80"], "are these millimetres"),
+        (None, ["b,3.7,2.4,7,1e6"], r"pull_in_V is 1e\+06; expected 1–1000 V: are these mV"),
+        (None, ["b,3.7,2.4,3.1458,80"], r"T_um is 3\.1458; Eq. 4 has no stiffness"),
         (None, ["b,2.4,2.4,7,80"], "the travel must be less than the gap"),
         (None, ["b,3.7,2.4,3.0,80"], r"at or below 3\.1458"),
     ],

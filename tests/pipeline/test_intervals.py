@@ -29,6 +29,7 @@ def test_wald_is_eq_11() -> None:
     a = 1.96 * math.sqrt(0.125 * 0.875 / 200)
     assert intervals.wald(25, 200) == pytest.approx((0.125 - a, 0.125 + a), abs=2e-6)
     p = intervals.proportion(25, 200)
+    assert p.estimate == 0.125
     assert p.half_width == pytest.approx(a, abs=2e-6)
     # The published interval of P(V > 19.7) is this one.
     assert (round(p.wald[0], 2), round(p.wald[1], 2)) == (0.08, 0.17)
@@ -66,6 +67,15 @@ def test_order_statistic_ranks_are_the_tightest_with_half_the_risk_in_each_tail(
     assert b.sf(upper - 1) <= 0.025 + 1e-12
     assert upper == 1 or b.sf(upper - 2) > 0.025
     assert (upper <= n) == (0.9**n <= 0.025)
+
+
+@pytest.mark.parametrize(("level", "confidence", "least"), [(0.9, 0.95, 36), (0.5, 0.95, 6), (0.99, 0.9, 299)])
+def test_the_fewest_draws_are_those_of_which_the_largest_bounds_the_quantile(
+    level: float, confidence: float, least: int
+) -> None:
+    tail = 0.5 * (1.0 - confidence)
+    assert level**least <= tail < level ** (least - 1)
+    assert intervals.least_for_quantile_interval(level, confidence) == least
 
 
 def test_order_statistic_interval_covers_the_quantile() -> None:

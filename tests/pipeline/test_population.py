@@ -299,3 +299,19 @@ def test_shipped_names_are_their_files_names() -> None:
     assert _names(population_names()) == {"current", "modified", "process-improved", "paper-text"}
     for name in population_names():
         assert load_population(name).name == name
+
+
+@pytest.mark.parametrize("area", [0.0, -1.0, math.inf, math.nan])
+def test_a_plate_area_that_is_none_is_refused(area: float) -> None:
+    with pytest.raises(PopulationError, match=r"plate_area_um2 is .*; it must be above 0 µm²"):
+        replace(load_population("current"), plate_area_um2=area)
+
+
+def test_the_area_of_the_fit_counts_and_another_is_refused() -> None:
+    usual = load_population("current")
+    assert (usual.plate_area(), usual.plate_area(12000.0)) == (16700.0, 12000.0)
+    own = replace(usual, plate_area_um2=15000.0)
+    assert own.plate_area() == own.plate_area(15000.0 * (1.0 + 1e-10)) == 15000.0
+    for other in (15000.0 * (1.0 + 1e-8), 15000.0 * (1.0 - 1e-8), 7500.0):
+        with pytest.raises(PopulationError, match="was fitted with 15000 µm²"):
+            own.plate_area(other)

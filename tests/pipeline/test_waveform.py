@@ -116,6 +116,14 @@ def test_the_limit_is_met_to_a_billionth_and_the_horizon_ends_the_search() -> No
     late = Waveform([Pulse(0, 4, math.inf, 50), Pulse(260, 4, 5, 100)])
     assert late.max_voltage() == 50.0
     assert late.max_voltage(300.0) == pytest.approx(150.0)
+    for start, reached in ((249.5, 150.0), (250.5, 50.0)):
+        at_the_end = Waveform([Pulse(0, 4, math.inf, 50), Pulse(start, 0, 5, 100)])
+        assert at_the_end.max_voltage() == reached
+        if reached > 100.0:
+            with pytest.raises(WaveformError, match="reaches 150 V"):
+                at_the_end.check(100.0)
+        else:
+            at_the_end.check(100.0)
     assert Waveform([Pulse(240, 20, math.inf, 100)]).max_voltage(250.0) == pytest.approx(50.0)
 
 
