@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: help env env-test env-lint run test lint docs torture mutants clean
+.PHONY: help env env-test env-lint run test lint docs torture damage mutants clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/'
@@ -68,6 +68,9 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 
 torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
 	PYTHONPATH=tests $(BIN)/python -m torture --rounds 200
+
+damage: env-test  ## 1,000 damages, found and repaired, into docs/measurements/damage.md (a quarter of an hour)
+	PYTHONPATH=tests $(BIN)/python -m damage --rounds 1000
 
 mutants: env-mutants  ## how many small changes of meaning the tests notice, into docs/measurements/mutants.md (an hour)
 	PYTHONPATH=tests $(BIN)/python -m mutants

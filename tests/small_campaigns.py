@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 from softclose.config import load_config
 from softclose_store import DriverStore
+from softclose_workflows.errors import Stopped
+from softclose_workflows.analyses.certify import certify
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.executors.protocol import Event
 from softclose_workflows.run.executors.serial import SerialExecutor
 
 FINISHED = (
@@ -29,6 +33,58 @@ COARSE = (
     "finish.budget=0",
 )
 """Eight Sobol points, two blocks each, no surrogate to fit: for certification, rescoring and studies."""
+
+COMPLETE = (
+    "campaign.budget=6",
+    "population.n_switches=40",
+    "compute.block_switches=80",
+    "store.n_times=11",
+    "store.max_impacts=3",
+    "optimiser.n_initial=4",
+    "optimiser.batch=2",
+    "optimiser.n_candidates=64",
+    "explore.budget=16",
+    "explore.n_descents=2",
+    "explore.generation=4",
+    "explore.n_scouts=4",
+    "finish.budget=6",
+    "finish.n_switches=100",
+    "finish.n_basins=2",
+)
+"""Everything that a store can hold, as small as it gets: three stages in eight waves, a surrogate, blocks of one, two
+and half a candidate. A third of a second."""
+
+
+class Halting(SerialExecutor):
+    """Computes so many blocks; then the run ends, with whatever is in flight."""
+
+    def __init__(self, blocks: int | None = None) -> None:
+        super().__init__()
+        self.left = blocks
+
+    def next_event(self, timeout_s: float) -> Event | None:
+        """The next block, or the end."""
+        if self.left == 0:
+            raise Stopped("as many blocks as were asked for")
+        self.left = None if self.left is None else self.left - 1
+        return super().next_event(timeout_s)
+
+
+def make_complete(path: Path, *settings: str, blocks: int | None = None) -> str:
+    """A campaign with two certifications and an entry of who ran it; blocks: how many are computed, all by default."""
+    create_store(load_config("current", (*COMPLETE, *settings)), str(path))
+    finish(path, blocks)
+    certify(str(path), n_switches=100, top=2)
+    certify(str(path), n_switches=120, top=1, seed=5)
+    return str(path)
+
+
+def finish(path: Path, blocks: int | None = None) -> None:
+    """Go on with a campaign to its end, or for so many blocks."""
+    with DriverStore(path) as store:
+        store.note_run({"host": "here"})
+        with contextlib.suppress(Stopped):
+            Driver(store, Halting(blocks)).run()
 
 
 def make_campaign(path: Path, *settings: str, run: bool = True) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,12 +35,9 @@ from softclose_store.disk.names import checked_member, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreExistsError, StoreMissingError
 from softclose_store.read.arrays import read_array
 from softclose_store.schema import digests
+from softclose_store.schema.group_metadata import COPY_NAME, FILES, NAME, GroupMetadata, decode, decode_copy
 from softclose_store.schema.root import read_root
 
-FILES = "softclose_files"
-"""Attribute of a result group: sha256 of every file in it."""
-OWN = "softclose_digest"
-"""Attribute of a result group: sha256 of its own metadata without this."""
 _NAME = re.compile(r"[a-z][a-z0-9_-]*(/[a-z0-9][a-z0-9_.-]*)*")
 
 
@@ -95,8 +92,9 @@ def write_group(
         raise StoreExistsError(f"{where} has a group {name} already; give it another name")
     contents = _build(name, arrays, attributes)
     contents.pop("zarr.json")
-    parents = {f"{'/'.join(parts[:n])}/zarr.json" for parts in [name.split("/")] for n in range(1, len(parts))}
-    old = _own_last_first(group_keys(files, name), last)
+    parents = set(parents_of(name))
+    known = metadata_of(files, name, list_keys(files))
+    old = [last] if known is None else known.keys  # its own metadata first: without it there is no group to read half
     for key in (*old, *contents):
         check_inside(files, key)
     for key in old:
@@ -112,9 +110,10 @@ def check_name(name: str) -> None:
         raise StoreError(f"the group is called {name!r}; a name is made of a-z, 0-9, - and _, with / between levels")
 
 
-def _own_last_first(keys: Iterable[str], last: str) -> list[str]:
-    """The group's own metadata goes first: without it there is no group to be read half."""
-    return sorted(keys, key=lambda key: (key != last, key))
+def parents_of(name: str) -> list[str]:
+    """Keys of the metadata of the plain groups that a result group lies in."""
+    parts = name.split("/")
+    return [f"{'/'.join(parts[:n])}/zarr.json" for n in range(1, len(parts))]
 
 
 def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str, Any]) -> dict[str, bytes]:
@@ -146,33 +145,19 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
     contents = {key: value.to_bytes() for key, value in buffers.items()}
     own = f"{name}/zarr.json"
     document = json.loads(contents[own])
-    document["attributes"] = json.loads(digests.canonical_json(attributes))
+    document["attributes"] = json.loads(digests.canonical_json(attributes)) | {NAME: name}
     document["attributes"][FILES] = {
         key.removeprefix(f"{name}/"): digests.sha256(content)
         for key, content in contents.items()
         if key.startswith(f"{name}/") and key != own
     }
-    contents[own] = _encode(document)
+    metadata = GroupMetadata(name, document)
+    if arrays:
+        member = f"{min(arrays)}/{COPY_NAME}"
+        metadata = metadata.with_copy(member)
+        contents[f"{name}/{member}"] = metadata.copy()
+    contents[own] = metadata.encode()
     return contents
-
-
-def _encode(document: dict[str, Any]) -> bytes:
-    document["attributes"].pop(OWN, None)
-    document["attributes"][OWN] = digests.sha256(digests.canonical_json(document).encode())
-    return json.dumps(document, indent=1, sort_keys=True).encode()
-
-
-def _attributes(content: bytes) -> dict[str, Any] | None:
-    """The attributes of a result group's own metadata; None where this is no result group, or a damaged one."""
-    try:
-        document = json.loads(content)
-        stored = document["attributes"][OWN]
-        whole = _encode(document) == content and document["attributes"][OWN] == stored
-        listed = document["attributes"][FILES]
-    except (ValueError, KeyError, TypeError, AttributeError):
-        return None
-    attributes: dict[str, Any] = document["attributes"]
-    return attributes if whole and isinstance(listed, dict) else None
 
 
 def read_group(path: StorePath, name: str) -> ResultGroup:
@@ -180,16 +165,17 @@ def read_group(path: StorePath, name: str) -> ResultGroup:
     check_name(name)
     where = normalised(path)
     files = open_files(path, read_only=True)
-    if read_key(files, f"{name}/zarr.json") is None:
+    content = read_key(files, f"{name}/zarr.json")
+    if content is None:
         raise StoreMissingError(f"{where} has no group {name}")
-    problems = group_problems(files, name)
-    if problems:
-        raise DamageError(f"group {name} of {where} is damaged: {'; '.join(problems)}")
-    attributes = _attributes(read_key(files, f"{name}/zarr.json") or b"") or {}
-    keys = [key for key in attributes.pop(FILES) if key.count("/") == 1 and key.endswith("/zarr.json")]
-    attributes.pop(OWN)
-    names = [key.partition("/")[0] for key in keys]
-    return ResultGroup(arrays={key: read_array(files, f"{name}/{key}") for key in names}, attributes=attributes)
+    metadata = decode(content, name)
+    problems = group_problems(files, name, metadata)
+    if problems or metadata is None:
+        raise DamageError(f"group {name} of {where} is damaged: {'; '.join(problems)}: run `softclose verify --repair`")
+    names = [key.partition("/")[0] for key in metadata.files if key.count("/") == 1 and key.endswith("/zarr.json")]
+    return ResultGroup(
+        arrays={key: read_array(files, f"{name}/{key}") for key in names}, attributes=metadata.attributes
+    )
 
 
 def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
@@ -200,17 +186,16 @@ def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
     content = read_key(open_files(path, read_only=True), f"{name}/zarr.json")
     if content is None:
         raise StoreMissingError(f"{normalised(path)} has no group {name}")
-    attributes = _attributes(content)
-    return None if attributes is None else {k: v for k, v in attributes.items() if k not in (FILES, OWN)}
+    metadata = decode(content, name)
+    return None if metadata is None else metadata.attributes
 
 
-def group_problems(files: Store, name: str) -> list[str]:
+def group_problems(files: Store, name: str, metadata: GroupMetadata | None) -> list[str]:
     """What is wrong with a result group: one sentence per file that is not what was written."""
-    attributes = _attributes(read_key(files, f"{name}/zarr.json") or b"")
-    if attributes is None:
-        return [f"{name}/zarr.json is not what was written"]
     problems = []
-    for member, expected in attributes[FILES].items():
+    if decode(read_key(files, f"{name}/zarr.json"), name) is None:
+        problems.append(f"{name}/zarr.json is lost or not what was written")
+    for member, expected in ({} if metadata is None else metadata.files).items():
         try:
             key = checked_member(name, member)
             check_inside(files, key)
@@ -222,25 +207,50 @@ def group_problems(files: Store, name: str) -> list[str]:
     return problems
 
 
-def group_keys(files: Store, name: str) -> list[str]:
-    """Every key of a result group; only its own metadata where that is damaged. Foreign names: DamageError."""
-    own = f"{name}/zarr.json"
-    attributes = _attributes(read_key(files, own) or b"")
-    return [own, *(checked_member(name, member) for member in (attributes or {FILES: ()})[FILES])]
+def metadata_of(files: Store, name: str, keys: Sequence[str]) -> GroupMetadata | None:
+    """The metadata of a result group, from its own file or from the copy; None where both are lost.
+
+    keys: every key of the store.
+    """
+    own = decode(read_key(files, f"{name}/zarr.json"), name)
+    if own is not None:
+        return own
+    for key in keys:
+        member = key.removeprefix(f"{name}/")
+        if key != member and member.count("/") == 1 and member.endswith(f"/{COPY_NAME}"):
+            copy = decode_copy(read_key(files, key), name, member)
+            if copy is not None and copy.copy_member == member:
+                return copy
+    return None
 
 
 def list_groups(path: StorePath, prefix: str = "") -> list[str]:
-    """Names of the result groups whose name starts with `prefix`, sorted."""
-    return result_groups(open_files(path, read_only=True), prefix)
+    """Names of the result groups whose name starts with `prefix`, sorted; damaged ones too."""
+    files = open_files(path, read_only=True)
+    return [name for name in result_groups(files, list_keys(files)) if name.startswith(prefix)]
 
 
-def result_groups(files: Store, prefix: str = "") -> list[str]:
-    """Names of the result groups among the files of a store."""
-    found = []
-    for key in list_keys(files):
-        name, _, last = key.rpartition("/")
-        if not name or not is_safe(name):
+def result_groups(files: Store, keys: Sequence[str]) -> dict[str, GroupMetadata | None]:
+    """The result groups among the files of a store, by name; None where neither metadata nor copy can be read.
+
+    keys: every key of the store.
+    """
+    found: dict[str, GroupMetadata | None] = {}
+    damaged = []
+    for key in keys:
+        folder, _, last = key.rpartition("/")
+        name = folder if last == "zarr.json" else folder.rpartition("/")[0] if last == COPY_NAME else ""
+        if not name or not is_safe(name) or name in found:
             continue
-        if last == "zarr.json" and name.startswith(prefix) and FILES.encode() in (read_key(files, key) or b""):
-            found.append(name)
-    return found
+        content = read_key(files, key) or b""
+        if last == "zarr.json" and FILES.encode() not in content:
+            continue
+        metadata = metadata_of(files, name, keys)
+        if metadata is not None:
+            found[name] = metadata
+        elif last == "zarr.json" and NAME.encode() not in content:
+            damaged.append(name)  # 0.1 wrote neither name nor copy
+    for name in damaged:
+        if not any(name == known or name.startswith(f"{known}/") for known in found):
+            found[name] = None
+    return dict(sorted(found.items()))

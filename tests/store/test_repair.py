@@ -48,7 +48,7 @@ def recompute(**changes):
     def group(path, name):
         if name == GROUP:
             certify(path)
-        return name == GROUP
+        return "" if name == GROUP else "unknown"
 
     def switches(sizes, stage, i):
         start = sizes.first(stage) + sizes.stage(stage).candidates(i).start
@@ -361,12 +361,63 @@ def test_a_store_that_is_being_driven_is_not_repaired(finished):
 
 
 def test_a_group_that_nobody_can_compute_again_stays_as_it_is(finished):
-    (finished / "certification" / "one" / "zarr.json").write_bytes(b"{}")
+    (finished / "certification" / "one" / "speed" / "c" / "0").write_bytes(b"")
     before = contents(finished)
     done = repair(finished, recompute(group=None))
     assert not done.ok
+    assert done.failed == (f"group {GROUP}: nobody knows how to compute it again",)
     assert done.after.damaged_groups == [GROUP]
     assert contents(finished) == before
+
+
+def test_metadata_of_a_group_and_their_copy_give_each_other_back_and_without_both_the_repair_says_what_to_do(
+    finished, original
+):
+    own, copy = finished / GROUP / "zarr.json", finished / GROUP / "name" / "group.json"
+    for file in (own, copy):
+        file.unlink()
+        done = repair(finished, recompute(group=None))
+        assert done.ok
+        assert done.unproved == ()
+        assert contents(finished) == contents(original)
+    own.write_bytes(b"")
+    copy.write_bytes(b"")
+    done = repair(finished, recompute())
+    assert not done.ok
+    assert done.failed[0].endswith(f"delete {finished}/{GROUP} and make it again")
+
+
+def test_metadata_of_another_group_are_none_of_a_groups_own(finished, original):
+    write_group(finished, "certification/two", {"speed": GroupArray(dims=("switch",), values=np.arange(3.0))}, {})
+    before = contents(finished)
+    (finished / GROUP / "zarr.json").write_bytes(before["certification/two/zarr.json"])
+    with pytest.raises(DamageError, match="certification/one/zarr.json is lost or not what was written"):
+        read_group(finished, GROUP)
+    assert repair(finished, recompute(group=None)).ok
+    assert contents(finished) == before
+
+
+def test_a_root_of_an_earlier_time_is_brought_forward(finished, original):
+    content = (finished / "zarr.json").read_bytes()
+    (finished / "zarr.json").write_bytes((finished / "digests" / "root.json").read_bytes())
+    (problem,) = verify(finished).problems
+    assert "it says 0 waves, the records say 4" in problem.what
+    assert repair(finished, recompute()).ok
+    assert (finished / "zarr.json").read_bytes() == content
+
+
+def test_the_roots_copy_is_written_again_as_it_was_and_a_kill_as_a_run_begins_is_no_damage(finished):
+    from softclose_store.schema.root import decode_root, runtime_text
+
+    copy = (finished / "digests" / "root.json").read_bytes()
+    with DriverStore(finished) as store:
+        store.note_run({"host": "there"})
+    (finished / "digests" / "root.json").unlink()
+    assert repair(finished, recompute()).ok
+    assert (finished / "digests" / "root.json").read_bytes() == copy
+    ahead = decode_root((finished / "zarr.json").read_bytes(), "").noted({"host": "elsewhere"})
+    (finished / "runtime" / "zarr.json").write_bytes(runtime_text(ahead))
+    assert verify(finished).ok
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,8 @@ class Remains:
     """Candidates whose records were written."""
     certain: bool
     """True where the digests, which are written last, say so; else it is the most that any table says."""
+    n_waves: int
+    """Waves of which the digests know a candidate; 0 where the digests are lost."""
     hyperparameters: tuple[str, ...]
     """Names of the surrogate's quantities."""
 
@@ -37,12 +39,15 @@ def remains(files: Store, layout: Layout, keys: Collection[str], where: str) -> 
     written = table.digests[:, RECORD] != 0
     n = int(written.argmin()) if not written.all() else layout.n_candidates
     names = _hyperparameters(files)
+    n_waves = 0
+    if n and int(table.digests[n - 1, RECORD]) == table.record_digest(n - 1):
+        n_waves = int(table.number(n - 1, "wave")) + 1
     i_chunk = n // layout.table_chunk
     trusted = n == layout.n_candidates or (
         chunk_key("digests", i_chunk, 0) in keys and ("digests", i_chunk) not in table.damaged
     )
     if trusted:
-        return Remains(n=n, certain=True, hyperparameters=names)
+        return Remains(n=n, certain=True, n_waves=n_waves, hyperparameters=names)
     said: tuple[NDArray[Any], ...] = (
         written,
         np.asarray(table.words[:, ORIGIN] != ""),
@@ -52,7 +57,7 @@ def remains(files: Store, layout: Layout, keys: Collection[str], where: str) -> 
     n = max(_last(rows) for rows in said)
     # An empty store has no tables yet, and no blocks either: that is certain.
     nothing = n == 0 and not any(f"/{MARKER.name}/c." in key for key in keys)
-    return Remains(n=n, certain=nothing, hyperparameters=names)
+    return Remains(n=n, certain=nothing, n_waves=n_waves, hyperparameters=names)
 
 
 def _last(rows: NDArray[Any]) -> int:

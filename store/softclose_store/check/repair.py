@@ -24,6 +24,7 @@ from softclose_store.check.strays import set_aside
 from softclose_store.check.verify import PLAIN_GROUP, block_keys, read_backup, verify
 from softclose_store.disk.files import (
     StorePath,
+    check_inside,
     delete_key,
     list_keys,
     normalised,
@@ -32,10 +33,12 @@ from softclose_store.disk.files import (
     write_key,
 )
 from softclose_store.disk.lock import DriverLock
-from softclose_store.disk.names import is_partial
+from softclose_store.disk.names import checked_member, is_partial
 from softclose_store.errors import DamageError, StoreError
+from softclose_store.groups import group_problems, metadata_of
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.schema import digests
+from softclose_store.schema.group_metadata import GroupMetadata
 from softclose_store.schema.hierarchy import HYPERPARAMETER, build_hierarchy, metadata_digest, population_columns
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, decode_root, runtime_text, write_root
@@ -60,8 +63,9 @@ class Recompute:
     """The arrays of (stage, i_block, j_block), from the proposals of its candidates."""
     record: Callable[[DriverStore, int], Mapping[str, Any]]
     """The result of a candidate, from its blocks."""
-    group: Callable[[str, str], bool] | None = None
-    """(path, name) of a derived group that is damaged -> True where it was written again (`write_group`, replace)."""
+    group: Callable[[str, str], str] | None = None
+    """(path, name) of a derived group that is damaged: writes it again (`write_group`, replace). Returns why it cannot,
+    and what to do, "" where it did."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +76,8 @@ class RepairReport:
     """Written again and equal, by digest, to what was there; or moved aside."""
     unproved: tuple[str, ...]
     """Written again, but nothing intact is left to compare it with; or lost (timings)."""
+    failed: tuple[str, ...]
+    """What could not be written again, why, and what to do."""
     after: Report
     """What `verify` finds now."""
 
@@ -85,6 +91,7 @@ class RepairReport:
 class _Log:
     proved: list[str] = field(default_factory=list)
     unproved: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
 
     def add(self, what: str, proved: bool) -> None:
         (self.proved if proved else self.unproved).append(what)
@@ -103,19 +110,24 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
     lock.acquire(break_lock=break_lock)
     try:
         _set_strays_aside(path, report, log)
-        if {p.kind for p in report.problems} & {"root", "schema", "static"}:
-            _repair_frame(path, recompute, log)
+        frame = bool({p.kind for p in report.problems} & {"root", "schema", "static"})
+        if frame:
+            _repair_frame(path, recompute, report, log)
     finally:
         lock.release()
     forget_writer(path)
-    with RepairStore(path, break_lock=break_lock) as store:
+    if frame:
         report = verify(path)  # again: what a damaged frame hid shows now
-        _repair_waves(store, recompute, report, log)
-        _remove_pending(store, report, log)
-    _repair_groups(path, recompute, verify(path), log)
-    _set_strays_aside(path, verify(path), log)  # those that a damaged frame hid
+        _set_strays_aside(path, report, log)
+    if not report.ok:
+        with RepairStore(path, break_lock=break_lock) as store:
+            _repair_waves(store, recompute, report, log)
+            _remove_pending(store, report, log)
+    _repair_groups(path, recompute, report, log)
     remove_orphans(path)
-    return RepairReport(proved=tuple(log.proved), unproved=tuple(log.unproved), after=verify(path))
+    return RepairReport(
+        proved=tuple(log.proved), unproved=tuple(log.unproved), failed=tuple(log.failed), after=verify(path)
+    )
 
 
 def _set_strays_aside(path: StorePath, report: Report, log: _Log) -> None:
@@ -133,7 +145,7 @@ def remove_orphans(path: StorePath) -> list[str]:
     return orphans
 
 
-def _repair_frame(path: StorePath, recompute: Recompute, log: _Log) -> None:
+def _repair_frame(path: StorePath, recompute: Recompute, report: Report, log: _Log) -> None:
     """Root, its copy, runtime, array metadata and static arrays."""
     where = normalised(path)
     files = open_files(path, read_only=False)
@@ -142,6 +154,8 @@ def _repair_frame(path: StorePath, recompute: Recompute, log: _Log) -> None:
     except StoreError:
         root = None
     source = root or read_backup(files, where)
+    if any(p.key == ROOT_KEY for p in report.problems):  # it can be read, and is of an earlier time
+        root = None
     if source is None:
         raise DamageError(f"{where}: the root and its copy are both damaged; nothing says any more what this store is")
     attributes = source.attributes
@@ -175,8 +189,8 @@ def _repair_frame(path: StorePath, recompute: Recompute, log: _Log) -> None:
     if read_key(files, RUNTIME_KEY) != runtime_text(root):
         write_key(files, RUNTIME_KEY, runtime_text(root))
         log.add(f"{RUNTIME_KEY} written again", proved=True)
-    if read_backup(files, where) is None:
-        write_key(files, BACKUP_KEY, root.committed(0, 0, ()).encode())
+    if read_key(files, BACKUP_KEY) != root.created().encode():
+        write_key(files, BACKUP_KEY, root.created().encode())
         log.add(f"{BACKUP_KEY} written again", proved=True)
 
 
@@ -189,8 +203,13 @@ def _rebuild_root(files: Store, source: Root, layout: Layout, recompute: Recompu
         n_waves += 1  # a wave's first records were written after its blocks, so the wave can be completed
     n = ends[n_waves - 1] if n_waves else 0
     root = source.committed(n, n_waves, found.hyperparameters)
-    root = root.with_runtime(_runtime_on_disk(files) or _runtime(source))
+    runtime = _runtime_on_disk(files)
+    root = root.with_runtime(runtime or _runtime(source))
     write_root(files, root)
+    if runtime is None:
+        log.add("who ran the campaign after its creation is lost", proved=False)
+    elif runtime != _runtime(source):
+        log.add(f"who ran the campaign is taken from {RUNTIME_KEY}", proved=False)
     what = f"{ROOT_KEY} rebuilt with {n} committed candidates"
     if not found.certain:
         what += ": the most that any table says; a resume takes up whatever blocks there are beyond"
@@ -326,15 +345,44 @@ def _remove_pending(store: RepairStore, report: Report, log: _Log) -> None:
 
 
 def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _Log) -> None:
-    """Derived groups: each is written again by whoever knows how; one that nobody knows stays as it is."""
+    """Derived groups: metadata from the copy, then each is written again by whoever knows how."""
     files = open_files(path, read_only=False)
     for problem in report.problems:
         if problem.kind == "group" and problem.key:
             write_key(files, problem.key, json.dumps(PLAIN_GROUP, indent=2).encode())
             log.add(f"{problem.key} written again", proved=True)
     for name in report.damaged_groups:
-        if recompute.group is not None and recompute.group(normalised(path), name):
-            log.add(f"group {name} computed again", proved=False)
+        keys = list_keys(files)
+        metadata = metadata_of(files, name, keys)
+        if metadata is None:
+            log.failed.append(
+                f"group {name}: its own metadata and their copy are lost, so nothing says what it holds: delete "
+                f"{normalised(path)}/{name} and make it again"
+            )
+            continue
+        _restore_group_metadata(files, metadata, log)
+        if not group_problems(files, name, metadata):
+            continue
+        reason = "nobody knows how to compute it again"
+        if recompute.group is not None:
+            reason = recompute.group(normalised(path), name)
+        if reason:
+            log.failed.append(f"group {name}: {reason}")
+            continue
+        again = metadata_of(files, name, keys)
+        log.add(f"group {name} computed again", proved=again is not None and again.files == metadata.files)
+
+
+def _restore_group_metadata(files: Store, metadata: GroupMetadata, log: _Log) -> None:
+    """The group's own metadata and their copy, each from the other."""
+    written = {f"{metadata.name}/zarr.json": metadata.encode()}
+    if metadata.copy_member is not None:
+        written[checked_member(metadata.name, metadata.copy_member)] = metadata.copy()
+    for key, content in written.items():
+        check_inside(files, key)
+        if read_key(files, key) != content:
+            write_key(files, key, content)
+            log.add(f"{key} written again", proved=True)
 
 
 def _differs(what: str) -> DamageError:

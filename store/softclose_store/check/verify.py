@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from softclose_store.disk.files import StorePath, list_keys, normalised, open_fi
 from softclose_store.disk.lock import LOCK_KEY
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreMissingError
-from softclose_store.groups import group_keys, group_problems, result_groups
+from softclose_store.groups import group_problems, parents_of, result_groups
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
@@ -47,8 +48,6 @@ PLAIN_GROUP = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
 """Metadata of a group that only holds result groups, such as `certification`."""
 
 OnBlock = Callable[[str, int, int], None]
-_CHANGING = ("n_committed", "n_waves", "hyperparameters", "root_digest")
-"""Attributes of the root that a commit changes: its copy has those of the creation."""
 
 
 @dataclass(slots=True)
@@ -89,8 +88,12 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
         layout, usable = _check_schema(check, root)
         n_committed = root.n_committed
         if usable:
+            found = remains(files, layout, check.keys, where)
             if "root" in {p.kind for p in check.problems} and not _reads(files, where):
-                n_committed = remains(files, layout, check.keys, where).n
+                n_committed = found.n
+            elif found.n_waves > root.n_waves + 1:  # one more is what a run leaves that was killed before its commit
+                what = f"it says {root.n_waves} waves, the records say {found.n_waves}: it is of an earlier time"
+                check.add("root", what, key=ROOT_KEY)
             _check_hyperparameters(check, root)
             _check_candidates(check, n_committed, layout, len(root.attributes["hyperparameters"]))
         _check_groups(check, root.metadata)
@@ -129,16 +132,23 @@ def _check_root(check: _Check) -> Root | None:
         return backup
     if digests.fingerprint_of(root.attributes["config"]) != root.fingerprint:
         check.add("root", "the fingerprint is not that of the stored configuration", key=ROOT_KEY)
-    backup = read_backup(check.files, check.where)
-    if backup is None or _identity(backup) != _identity(root):
+    if read_key(check.files, BACKUP_KEY) != root.created().encode():
         check.add("root", f"{BACKUP_KEY} is not what was written", key=BACKUP_KEY)
-    if read_key(check.files, RUNTIME_KEY) != runtime_text(root):
+    if not _tells_the_runs(check, root):
         check.add("root", f"{RUNTIME_KEY} is not what was written", key=RUNTIME_KEY)
     return root
 
 
-def _identity(root: Root) -> dict[str, Any]:
-    return {name: value for name, value in root.attributes.items() if name not in _CHANGING}
+def _tells_the_runs(check: _Check, root: Root) -> bool:
+    """Whether the group `runtime` says what the root says; a run that was killed as it began may be one ahead."""
+    content = read_key(check.files, RUNTIME_KEY)
+    if content == runtime_text(root):
+        return True
+    try:
+        last = json.loads(content or b"")["attributes"]["runs"][-1]
+    except (ValueError, KeyError, TypeError, IndexError):
+        return False
+    return isinstance(last, dict) and content == runtime_text(root.noted(last))
 
 
 def read_backup(files: Store, where: str) -> Root | None:
@@ -344,29 +354,31 @@ def block_keys(layout: Layout, stage: str, i: int, j: int) -> Iterator[str]:
 
 
 def _check_groups(check: _Check, own_names: Collection[str]) -> None:
-    """Result groups, those included whose own metadata is lost: their arrays say that they were there."""
-    found = result_groups(check.files)
-    lost = [name for name in _lost_groups(check, own_names) if name not in found]
-    for name in found:
-        try:
-            check.expected |= set(group_keys(check.files, name))
-        except StoreError:
-            check.expected.add(f"{name}/zarr.json")  # its foreign names are among its problems
-        for problem in group_problems(check.files, name):
+    """Result groups, those included whose own metadata is lost: its copy, or their arrays, say that they were there."""
+    found = result_groups(check.files, sorted(check.keys))
+    for name, metadata in found.items():
+        check.expected.add(f"{name}/zarr.json")
+        if metadata is not None:
+            with contextlib.suppress(StoreError):  # its foreign names are among its problems
+                check.expected |= set(metadata.keys)
+        for problem in group_problems(check.files, name, metadata):
             check.add("group", problem, group=name)
+    lost = [name for name in _lost_groups(check, own_names) if not any(_is_within(name, known) for known in found)]
     for name in lost:
         check.expected |= {key for key in check.keys if key.startswith(f"{name}/") and not is_partial(key)}
-        check.add("group", f"{name}/zarr.json is lost or not what was written", group=name)
-    for name in (*found, *lost):
-        parts = name.split("/")
-        for n in range(1, len(parts)):
-            key = f"{'/'.join(parts[:n])}/zarr.json"
-            check.expected.add(key)
-            if not _is_plain_group(read_key(check.files, key)):
-                check.add("group", f"{key} is not what was written", key=key)
+        check.add("group", f"{name}/zarr.json is lost or not what was written, and so is its copy", group=name)
+    for key in sorted({key for name in (*found, *lost) for key in parents_of(name)}):
+        check.expected.add(key)
+        if not _is_plain_group(read_key(check.files, key)):
+            check.add("group", f"{key} is not what was written", key=key)
+
+
+def _is_within(name: str, group: str) -> bool:
+    return name == group or name.startswith(f"{group}/")
 
 
 def _lost_groups(check: _Check, own_names: Collection[str]) -> list[str]:
+    """Groups of which nothing is left but arrays."""
     own = {name.partition("/")[0] for name in own_names}
     names = set()
     for key in check.keys:
@@ -374,7 +386,7 @@ def _lost_groups(check: _Check, own_names: Collection[str]) -> list[str]:
         name = array.rpartition("/")[0]
         if array != key and name and key.partition("/")[0] not in own and _node_type(check, key) == "array":
             names.add(name)
-    return sorted(names)
+    return sorted(name for name in names if is_safe(name))
 
 
 def _node_type(check: _Check, key: str) -> str:

@@ -18,7 +18,7 @@ PARTIAL = ".partial"
 
 _PARTIAL = re.compile(r"\.[0-9a-f]{32}\.partial$")
 _PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
-_IN_ARRAY = re.compile(r"zarr\.json|c(\.\d+)*|c(/\d+)*")
+_IN_ARRAY = re.compile(r"zarr\.json|group\.json|c(\.\d+)*|c(/\d+)*")
 
 
 def chunk_key(name: str, *indices: int) -> str:
@@ -42,7 +42,7 @@ def is_safe(key: str) -> bool:
 
 
 def checked_member(group: str, member: str) -> str:
-    """Key of a file of a result group, `<array>/zarr.json` or a chunk of it; raises DamageError for anything else."""
+    """Key of a file of a result group: of an array, `<array>/zarr.json` or a chunk, or the copy; raises DamageError for anything else."""
     array, _, rest = member.partition("/")
     if not is_safe(member) or not array or not _IN_ARRAY.fullmatch(rest):
         raise DamageError(

@@ -98,6 +98,12 @@ class Root:
         consolidated = {**self.document["consolidated_metadata"], "metadata": metadata}
         return Root({**self.document, "attributes": attributes, "consolidated_metadata": consolidated})
 
+    def created(self) -> Root:
+        """The root as the creation wrote it: nothing committed, no run noted."""
+        attributes = self.metadata["runtime"]["attributes"]
+        runtime = {name: value for name, value in attributes.items() if name != "runs"}
+        return self.committed(0, 0, ()).with_runtime(runtime)
+
     def noted(self, run: Mapping[str, Any]) -> Root:
         """The same root with one more run in the attribute `runs` of the group `runtime`."""
         runtime = self.metadata["runtime"]

@@ -17,7 +17,7 @@ from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Problem
 from softclose.waveform import Waveform
 from softclose_store import Campaign as StoredCampaign
-from softclose_store import DriverStore, Layout, Recompute, open_campaign
+from softclose_store import DriverStore, Layout, Recompute, StoreError, open_campaign
 from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
@@ -170,10 +170,10 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
     return records.assessment_record(judge(config, response))
 
 
-def _group(path: str, name: str) -> bool:
+def _group(path: str, name: str) -> str:
     """A certification again; what it was asked for stands in its own metadata."""
     try:
         certify_again(path, name)
-    except CertifyError:
-        return False
-    return True
+    except (CertifyError, StoreError) as e:
+        return str(e)
+    return ""

@@ -38,9 +38,10 @@ def verify(
     if repair:
         mended = repair_store(store, recompute(), break_lock=break_lock)
         report = mended.after
-        told |= {"proved": list(mended.proved), "unproved": list(mended.unproved)}
+        told |= {"proved": list(mended.proved), "unproved": list(mended.unproved), "failed": list(mended.failed)}
         lines += [f"repaired and proved equal: {what}" for what in mended.proved]
         lines += [f"repaired, nothing left to compare with: {what}" for what in mended.unproved]
+        lines += [f"not repaired: {what}" for what in mended.failed]
     else:
         report = verify_store(store)
     ok = report.ok
