@@ -1,7 +1,7 @@
 """Damages stores at random, and looks whether `verify` finds it and one pass of `verify --repair` mends it.
 
-`make damage` does 1,000 damages and writes docs/measurements/damage.md; the test suite does a few. Each follows from the
-seed and its number alone: `python -m damage --only 17` repeats one and says what was done.
+`make damage` does 1,000 damages and writes docs/measurements/damage.md; the test suite does a few. Each follows from
+the seed and its number alone: `python -m damage --only 17` repeats one and says what was done.
 
 Two stores are damaged, each a copy: a finished campaign of three stages with two certifications, and one whose run was
 killed with two waves in flight. What is asked of each damage:
@@ -23,7 +23,6 @@ import sys
 import tempfile
 import time
 import traceback
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -58,7 +57,7 @@ class Case:
     pending: frozenset[str]
     """Files of blocks that are not committed."""
     unseen: frozenset[str]
-    """Files whose loss makes the store of a run that was killed a little earlier, and those that nothing vouches for."""
+    """Files whose loss makes the store of a run killed a little earlier, and those that nothing vouches for."""
 
 
 @dataclass
@@ -121,6 +120,8 @@ def room_of(key: str) -> str:
     parts = key.split("/")
     if key in ("zarr.json", "digests/root.json", "runtime/zarr.json"):
         return key
+    if len(parts) == 1 or parts[-1] in NAMES[5:]:
+        return "stray"
     if parts[0] == "certification":
         return "certification, " + ("metadata" if parts[-1] in ("zarr.json", "group.json") else "data")
     if parts[-1] == "zarr.json":
@@ -305,16 +306,16 @@ def page(outcomes: Sequence[Outcome], seed: int, seconds: float) -> str:
         "# What damage is found and repaired",
         "",
         f"`make damage` damages copies of two small stores {len(outcomes):,} times at random (seed {seed}) and looks",
-        "whether `softclose verify` finds it and one pass of `softclose verify --repair` gives back the same bytes, file by",
-        "file. One store is a finished campaign of three stages with two certifications, the other that of a run which was",
-        "killed with waves in flight; that one is resumed afterwards and compared with the uninterrupted campaign. Half of",
-        "the damages hit any file, the other half one kind of file after the other. "
+        "whether `softclose verify` finds it and one pass of `softclose verify --repair` gives back the same bytes,",
+        "file by file. One store is a finished campaign of three stages with two certifications, the other that of a",
+        "run which was killed with waves in flight; that one is resumed afterwards and compared with the uninterrupted",
+        "campaign. Half of the damages hit any file, the other half one kind of file after the other. "
         f"This run took {seconds / 60:.0f} min in one process.",
         "",
-        "*Not there to be found*: a block in flight lost its marker, so the store is one that a run killed a little earlier",
-        "leaves; the resume computes it. *Nothing to compare with*: repaired, but what proved it (a digest, timings, who",
-        "ran it) was itself lost, which the repair says. *Too little left*: both copies of what names a store or a",
-        "certification were damaged; the error says so, and what to do.",
+        "*Not there to be found*: a block in flight lost its marker, so the store is one that a run killed a little",
+        "earlier leaves; the resume computes it. *Nothing to compare with*: repaired, but what proved it (a digest,",
+        "timings, who ran it) was itself lost, which the repair says. *Too little left*: both copies of what names a",
+        "store or a certification were damaged; the error says so, and what to do.",
         "",
     ]
     by_kind = {kind: [o for o in outcomes if o.kind == kind] for kind in KINDS}
@@ -329,8 +330,9 @@ def page(outcomes: Sequence[Outcome], seed: int, seconds: float) -> str:
 
 
 def _table(title: str, groups: Mapping[str, Sequence[Outcome]]) -> list[str]:
-    heads = "done | found | not there to be found | repaired in one pass | nothing to compare with | too little left | wrong"
-    lines = [f"| {title} | {heads} |", "| --- |" + " ---: |" * 7]
+    heads = ("done", "found", "not there to be found", "repaired in one pass")
+    heads += ("nothing to compare with", "too little left", "wrong")
+    lines = [f"| {title} | {' | '.join(heads)} |", "| --- |" + " ---: |" * len(heads)]
     if title == "damage":
         groups = {**groups, "**all**": [o for group in groups.values() for o in group]}
     for name, group in groups.items():

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from softclose.config import load_config
 from softclose_store import DriverStore
-from softclose_workflows.errors import Stopped
 from softclose_workflows.analyses.certify import certify
+from softclose_workflows.errors import Stopped
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.protocol import Event

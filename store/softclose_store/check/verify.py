@@ -6,7 +6,6 @@ import contextlib
 import json
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from zarr.abc.store import Store

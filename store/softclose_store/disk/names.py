@@ -42,7 +42,7 @@ def is_safe(key: str) -> bool:
 
 
 def checked_member(group: str, member: str) -> str:
-    """Key of a file of a result group: of an array, `<array>/zarr.json` or a chunk, or the copy; raises DamageError for anything else."""
+    """Key of a file of a result group: `<array>/zarr.json`, a chunk, or the copy; else DamageError."""
     array, _, rest = member.partition("/")
     if not is_safe(member) or not array or not _IN_ARRAY.fullmatch(rest):
         raise DamageError(
