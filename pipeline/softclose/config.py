@@ -60,6 +60,8 @@ class CampaignSection:
     """Key of every random number: the ensemble and the proposals."""
     budget: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 150
     """Candidates of the search, `waveform.initial` included; 0 leaves it out."""
+    extensions: tuple[Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)], ...] = ()
+    """Candidates added after the campaign was finished, in turn: `softclose resume --budget` writes them."""
     wave: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 1
     """Candidates proposed together by an engine that proposes one at a time."""
     lag: Annotated[int, Field(ge=1, le=64, strict=True)] = 1
@@ -106,6 +108,10 @@ class WaveformSection:
     """Fastest rise that may be proposed [µs]."""
     initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
     """The user's own waveforms, evaluated first: each a list of [start, rise, peak, volts]; a peak of "hold" holds."""
+    initial_from: str = ""
+    """A store whose best candidates are evaluated first; `softclose run` writes them into `initial`."""
+    initial_count: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 10
+    """Most candidates that are taken from there."""
 
     @field_validator("initial", mode="before")
     @classmethod
@@ -336,6 +342,10 @@ class CampaignConfig:
                 f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
                 f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
             )
+        if self.campaign.extensions and self.total_budget > MAX_COUNT:
+            raise ValueError(
+                f"the campaign has {self.total_budget} candidates with its extensions; at most {MAX_COUNT}"
+            )
         self._choose_blocks()
         n, block = self.n_switches_max, self.compute.block_switches
         if math.ceil(n / block) > MAX_BLOCKS:
@@ -363,9 +373,22 @@ class CampaignConfig:
         return _validate(data)
 
     @property
+    def first_budget(self) -> int:
+        """Candidates of all stages but extensions."""
+        return self.campaign.budget + self.explore.budget + self.finish.budget
+
+    @property
     def total_budget(self) -> int:
         """Candidates of all stages."""
-        return self.campaign.budget + self.explore.budget + self.finish.budget
+        return self.first_budget + sum(self.campaign.extensions)
+
+    def extended(self, total: int) -> CampaignConfig:
+        """The same campaign with candidates added up to `total`. Raises ConfigError where it has as many."""
+        if total <= self.total_budget:
+            raise ConfigError(f"the campaign has {self.total_budget} candidates; give a larger total than {total}")
+        data = self.to_dict()
+        data["campaign"]["extensions"].append(total - self.total_budget)
+        return _validate(data)
 
     @property
     def n_switches_max(self) -> int:

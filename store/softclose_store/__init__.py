@@ -26,6 +26,7 @@ from softclose_store.schema.layout import Layout, StageLayout
 from softclose_store.write.block import write_block
 from softclose_store.write.create import StoreState, create_campaign, store_state
 from softclose_store.write.driver import DriverStore
+from softclose_store.write.extend import extend_campaign
 
 __all__ = [
     "IMPACT_QUANTITIES",
@@ -58,6 +59,7 @@ __all__ = [
     "assessed_digest",
     "canonical_json",
     "create_campaign",
+    "extend_campaign",
     "fingerprint_of",
     "group_attributes",
     "list_groups",

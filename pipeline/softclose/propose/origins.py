@@ -14,6 +14,7 @@ BOTORCH = "botorch"
 PAPER_WIDEN, PAPER_GRID, PAPER_SIMPLEX = "paper-widen", "paper-grid", "paper-simplex"
 SCOUT, EXPLORE = "explore-scout", "explore"
 RERANK, POLISH, EXTRA = "finish-rerank", "finish-polish", "finish-extra"
+EXTENDED = "extend"
 FALLBACK = "fallback"
 
 Group = Literal["start", "around the best", "everywhere", "descents", "finish", "fallback", "other"]
@@ -27,7 +28,7 @@ class Origin:
     name: str
     """As stored; an origin of a plugged-in engine may be any other word."""
     stage: str
-    """search, explore or finish; "" where it may be any."""
+    """search, explore, finish or extend; "" where it may be any."""
     group: Group
     """The group that charts draw it in."""
     label: str
@@ -54,6 +55,7 @@ ORIGINS: dict[str, Origin] = {
         Origin(name=RERANK, stage="finish", group="finish", label="basin again, larger ensemble"),
         Origin(name=POLISH, stage="finish", group="finish", label="polish, larger ensemble"),
         Origin(name=EXTRA, stage="finish", group="finish", label="beside a basin, larger ensemble"),
+        Origin(name=EXTENDED, stage="extend", group="descents", label="step of a descent, after the campaign's end"),
         Origin(name=FALLBACK, stage="", group="fallback", label="in place of a proposal that failed", designed=True),
     )
 }

@@ -1,14 +1,16 @@
 """Owns the plan of a campaign: its waves, from the configuration alone.
 
 Each stage says how many waves are in flight at once: a search sees all but the latest `campaign.lag` - 1; descents that
-take turns wait for their own latest wave; a polish waits for everything.
+take turns wait for their own latest wave; a polish waits for everything. Extensions come last.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 from softclose.propose.explore import explore_ladder
+from softclose.propose.extensions import EXTEND, extensions, problem_of
 from softclose.propose.protocol import Engine, EngineError, Problem, Wave, WaveEngine, load_engine
 
 SEARCH, EXPLORE, FINISH = "search", "explore", "finish"
@@ -44,7 +46,20 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
     steps = explore_ladder(problem).steps
     add(EXPLORE, [step.size for step in steps], few, lambda w: first + steps[w - first].before + 1)
     add(FINISH, _sizes(problem, FINISH, config.finish.budget), many, lambda w: w)
+    for extension in extensions(config).values():
+        if extension.engine == EXTEND:
+            add(extension.stage, _sizes(problem, EXTEND, extension.size), extension.n_switches, lambda w: w)
+        else:
+            whole = _sizes(problem_of(problem, extension), search or extension.engine, extension.begin + extension.size)
+            sizes = _after(whole, extension.begin)
+            add(extension.stage, sizes, extension.n_switches, lambda w: max(w - lag + 1, 0))
     return tuple(waves)
+
+
+def _after(sizes: list[int], begin: int) -> list[int]:
+    """What waves of these sizes have left after the first `begin` candidates."""
+    ends = itertools.accumulate(sizes)
+    return [min(size, end - begin) for size, end in zip(sizes, ends, strict=True) if end > begin]
 
 
 def _sizes(problem: Problem, who: str | Engine | WaveEngine, budget: int) -> list[int]:

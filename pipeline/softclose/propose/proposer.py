@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
+from softclose.propose.extensions import extensions, problem_of
 from softclose.propose.origins import FALLBACK, INITIAL
 from softclose.propose.plan import SEARCH
 from softclose.propose.protocol import (
@@ -39,6 +40,9 @@ class Proposer:
         self._problem = problem
         self._initial = problem.config.waveform.initial_waveforms()
         self._engines = {} if search is None else {problem.config.optimiser.engine: search}
+        self._extensions = {
+            stage: (e.engine, problem_of(problem, e)) for stage, e in extensions(problem.config).items()
+        }
 
     def propose(self, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]) -> tuple[Proposal, ...]:
         """The candidates of a wave, from the records that it sees and the waveforms of the waves between.
@@ -51,16 +55,16 @@ class Proposer:
             return tuple(found)
         rest = replace(wave, start=wave.start + len(found), size=wave.size - len(found))
         in_flight = [*pending, *given]
-        name = self._problem.config.optimiser.engine if wave.stage == SEARCH else wave.stage
+        name, problem = self._asked(wave.stage)
         try:
             engine = self._engine(name)
             asked: Sequence[Proposal | Exception]
             if isinstance(engine, WaveEngine):
-                asked = engine.propose_wave(self._problem, rest, history, in_flight)
+                asked = engine.propose_wave(problem, rest, history, in_flight)
                 if len(asked) != rest.size:
                     raise ValueError(f"{len(asked)} proposals for a wave of {rest.size}")
             else:
-                asked = self._one_by_one(engine, rest, history, in_flight)
+                asked = self._one_by_one(engine, problem, rest, history, in_flight)
         except EngineError:
             raise  # it does not fit the search, or is not installed: no candidate of it ever will
         except _FAILURES as e:
@@ -73,14 +77,14 @@ class Proposer:
         return self.propose(wave, seen, [o.waveform for o in history[len(seen) : wave.start]])
 
     def _one_by_one(
-        self, engine: Engine, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
+        self, engine: Engine, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> list[Proposal | Exception]:
         """An engine that proposes one candidate at a time has the others of the wave before its eyes."""
         in_flight = list(pending)
         found: list[Proposal | Exception] = []
         for index in range(wave.start, wave.stop):
             try:
-                proposal = engine.propose(self._problem, index, history, in_flight)
+                proposal = engine.propose(problem, index, history, in_flight)
             except EngineError:
                 raise
             except _FAILURES as e:
@@ -108,6 +112,12 @@ class Proposer:
                 note=f"engine {name} failed with {type(e).__name__}: {e}"[:200],
             )
         return proposal
+
+    def _asked(self, stage: str) -> tuple[str, Problem]:
+        """Name of the engine of a stage, and the problem as it sees it."""
+        if stage in self._extensions:
+            return self._extensions[stage]
+        return self._problem.config.optimiser.engine if stage == SEARCH else stage, self._problem
 
     def _engine(self, name: str) -> Engine | WaveEngine:
         if name not in self._engines:

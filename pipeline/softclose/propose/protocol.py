@@ -86,7 +86,7 @@ class Wave:
     index: int
     """Position among the campaign's waves."""
     stage: str
-    """search, explore or finish."""
+    """search, explore, finish, or extend1, extend2, …"""
     start: int
     """Index of its first candidate in the campaign."""
     size: int
@@ -187,11 +187,15 @@ class WaveEngine(Protocol):
         ...
 
 
-_STAGES = {"explore": "softclose.propose.explore:ExploreEngine", "finish": "softclose.propose.finish:FinishEngine"}
+_STAGES = {
+    "explore": "softclose.propose.explore:ExploreEngine",
+    "finish": "softclose.propose.finish:FinishEngine",
+    "extend": "softclose.propose.extend:ExtendEngine",
+}
 
 
 def load_engine(name: str) -> Engine | WaveEngine:
-    """The engine of that name, or of the stages explore and finish (an instance); imports only that engine.
+    """The engine of that name, or of the stages explore, finish and extend (an instance); imports only that engine.
 
     Raises EngineError naming the nearest one.
     """

@@ -203,7 +203,7 @@ def _rebuild_root(files: Store, source: Root, layout: Layout, recompute: Recompu
         n_waves += 1  # a wave's first records were written after its blocks, so the wave can be completed
     n = ends[n_waves - 1] if n_waves else 0
     root = source.committed(n, n_waves, found.hyperparameters)
-    runtime = _runtime_on_disk(files)
+    runtime = _runtime_on_disk(files, source)
     root = root.with_runtime(runtime or _runtime(source))
     write_root(files, root)
     if runtime is None:
@@ -222,12 +222,14 @@ def _runtime(root: Root) -> dict[str, Any]:
     return attributes
 
 
-def _runtime_on_disk(files: Store) -> dict[str, Any] | None:
+def _runtime_on_disk(files: Store, source: Root) -> dict[str, Any] | None:
+    """What the group `runtime` says, where it is that of this campaign: it says of the creation what the copy says."""
     try:
         attributes = json.loads(read_key(files, RUNTIME_KEY) or b"")["attributes"]
-    except (ValueError, KeyError, TypeError):
+        created = {name: value for name, value in attributes.items() if name != "runs"}
+    except (ValueError, KeyError, TypeError, AttributeError):
         return None
-    return attributes if isinstance(attributes, dict) else None
+    return attributes if created == _runtime(source.created()) else None
 
 
 def _static_is_intact(files: Store, key: str, expected: Mapping[str, str]) -> bool:

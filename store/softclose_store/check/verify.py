@@ -377,8 +377,9 @@ def _is_within(name: str, group: str) -> bool:
 
 
 def _lost_groups(check: _Check, own_names: Collection[str]) -> list[str]:
-    """Groups of which nothing is left but arrays."""
+    """Groups of which nothing is left but arrays. What an extension began that was cut off is none: it is a stray."""
     own = {name.partition("/")[0] for name in own_names}
+    own |= {key.partition("/")[0] for key in check.keys if key.endswith(f"/{MARKER.name}/zarr.json")}
     names = set()
     for key in check.keys:
         array = key.removesuffix("/zarr.json")

@@ -137,6 +137,9 @@ class Layout:
     """Most pulses of a waveform."""
     limits_cm_s: tuple[float, ...] = (19.7,)
     """Contact speeds for which P(V > limit) is stored [cm/s]."""
+    table_chunk: int = 0
+    """Candidates in one chunk of a table; 0: equal parts, so that hardly any chunk is a partial one. An extension keeps
+    what it finds."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stages", tuple(self.stages))
@@ -153,6 +156,7 @@ class Layout:
         if len(set(limits)) < len(limits):
             raise LayoutError(f"limits_cm_s is {limits}; each limit is stored once")
         object.__setattr__(self, "limits_cm_s", limits)
+        object.__setattr__(self, "table_chunk", _integer("table_chunk", self.table_chunk or self._equal_parts, 1))
 
     @property
     def n_candidates(self) -> int:
@@ -223,8 +227,7 @@ class Layout:
         return self.n_pulses * len(PARAMETERS) + 1
 
     @property
-    def table_chunk(self) -> int:
-        """Candidates in one chunk of a table: equal parts, so that hardly any chunk is a partial one."""
+    def _equal_parts(self) -> int:
         return math.ceil(self.n_candidates / math.ceil(self.n_candidates / TABLE_CHUNK))
 
     @property
@@ -249,20 +252,26 @@ class Layout:
 
     def to_dict(self) -> dict[str, Any]:
         """The layout as JSON values, without the time grid, which is an array."""
-        return {
+        data = {
             "stages": [asdict(stage) for stage in self.stages],
             "n_times": int(self.times_us.size),
             "max_impacts": self.max_impacts,
             "n_pulses": self.n_pulses,
             "limits_cm_s": list(self.limits_cm_s),
         }
+        return data if self.table_chunk == self._equal_parts else data | {"table_chunk": self.table_chunk}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], times_us: NDArray[np.float64]) -> Layout:
         """The inverse of `to_dict`."""
         kept = ("max_impacts", "n_pulses", "limits_cm_s")
         stages = tuple(StageLayout(**stage) for stage in data["stages"])
-        return cls(stages=stages, times_us=times_us, **{name: data[name] for name in kept})
+        return cls(
+            stages=stages,
+            times_us=times_us,
+            table_chunk=data.get("table_chunk", 0),
+            **{name: data[name] for name in kept},
+        )
 
 
 def _integer(name: str, value: Any, least: int) -> int:

@@ -12,15 +12,28 @@ if TYPE_CHECKING:
     from softclose_workflows.run.executors import Placement
 
 
-@click.command(epilog="\b\nExample:\n  softclose resume runs/a.zarr --workers 2")
+@click.command(
+    epilog="\b\nExamples:\n  softclose resume runs/a.zarr --workers 2\n  softclose resume runs/a.zarr --budget 300"
+)
 @click.argument("store", metavar="STORE")
+@click.option(
+    "--budget",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Extend the finished campaign to N candidates; those that it has stay as they are.",
+)
 @placement_options
 @break_lock_option
 @quiet_option
 @click.pass_context
-def resume(ctx: click.Context, store: str, placement: Placement, break_lock: bool, quiet: bool) -> None:
+def resume(
+    ctx: click.Context, store: str, budget: int | None, placement: Placement, break_lock: bool, quiet: bool
+) -> None:
     """Continue the campaign in STORE from its last committed wave and its finished blocks."""
     from softclose_workflows.commands.driving import drive
+    from softclose_workflows.run.extension import extend
 
     ctx.meta["softclose.store"] = store
+    if budget is not None:
+        extend(store, budget, break_lock=break_lock)
     drive(store, placement, break_lock=break_lock, quiet=quiet)

@@ -39,8 +39,9 @@ def run(
     from softclose.config import load_config
     from softclose_workflows.analyses.forewarned import forewarnings
     from softclose_workflows.commands.driving import drive
+    from softclose_workflows.run.warm_start import warm_started
 
-    config = load_config(source, overrides)
+    config = warm_started(load_config(source, overrides))
     for line in forewarnings(config):
         click.echo(f"note: {line}", err=True)
     ctx.meta["softclose.store"] = store

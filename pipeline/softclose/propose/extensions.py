@@ -1,0 +1,60 @@
+"""Owns what an extension of a finished campaign is: a stage of its own, after all others.
+
+A campaign that ended with its search goes on with the same engine, as if `campaign.budget` had been larger from here
+on. One that ended with descents gets another (`extend`). What came before is not proposed again (ADR 056).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from softclose.propose.protocol import Problem
+
+if TYPE_CHECKING:
+    from softclose.config import CampaignConfig
+
+EXTEND = "extend"
+"""Stages `extend1`, `extend2`, …, and the engine of those that follow descents."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extension:
+    """One extension."""
+
+    stage: str
+    """Its stage."""
+    begin: int
+    """Index of its first candidate in the campaign."""
+    size: int
+    """Number of candidates."""
+    engine: str
+    """Who proposes."""
+    n_switches: int
+    """Switches that its candidates are evaluated on."""
+
+
+def extensions(config: CampaignConfig) -> dict[str, Extension]:
+    """The extensions of a campaign by stage, in their order."""
+    searches = not config.explore.budget + config.finish.budget
+    begin = config.first_budget
+    found = {}
+    for number, size in enumerate(config.campaign.extensions, start=1):
+        stage = f"{EXTEND}{number}"
+        found[stage] = Extension(
+            stage=stage,
+            begin=begin,
+            size=size,
+            engine=config.optimiser.engine if searches else EXTEND,
+            n_switches=config.n_switches_max,
+        )
+        begin += size
+    return found
+
+
+def problem_of(problem: Problem, extension: Extension) -> Problem:
+    """The problem as the engine of an extension sees it: a search that goes on has the larger budget."""
+    if extension.engine == EXTEND:
+        return problem
+    campaign = replace(problem.config.campaign, budget=extension.begin + extension.size, extensions=())
+    return Problem(replace(problem.config, campaign=campaign))

@@ -1,0 +1,167 @@
+"""Claims about more candidates for a finished campaign, and about a start from the candidates of another one."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from campaigns import softclose
+from small_campaigns import COARSE, COMPLETE, finish, make_campaign
+from softclose import ALGORITHM
+from softclose.config import ConfigError, load_config
+from softclose.propose.plan import plan
+from softclose.propose.protocol import Problem
+from softclose_store import OtherConfigurationError, StoreError, open_campaign, repair, verify
+from softclose_store.write import extend as writing
+from softclose_workflows.analyses.recompute import recompute
+from softclose_workflows.run.creation import layout_of
+from softclose_workflows.run.extension import extend
+from softclose_workflows.run.warm_start import warm_started
+from stores import differences, files_of
+
+SEARCH = (*COMPLETE, "explore.budget=0", "finish.budget=0", "campaign.budget=7")
+"""Four points of the design, then waves of two of the surrogate, the last cut short."""
+TABLES = ("records", "words", "digests", "surrogate", "wall_times")
+
+
+@pytest.fixture(scope="module", params=[SEARCH, COMPLETE], ids=["search", "descents"])
+def finished(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(make_campaign(tmp_path_factory.mktemp("finished") / "a.zarr", *request.param))
+
+
+@pytest.fixture
+def store(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "a.zarr"))
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    return {file.relative_to(path).as_posix(): file.read_bytes() for file in files_of(path)}
+
+
+def test_an_extension_leaves_what_was_there_and_says_both_budgets(store: Path, finished: Path) -> None:
+    n = open_campaign(store).budget
+    extend(str(store), n + 5)
+    grown = open_campaign(store)
+    assert (grown.budget, grown.committed, grown.finished) == (n + 5, n, False)
+    finish(store)
+    before, after = contents(finished), contents(store)
+    changed = {key for key, content in before.items() if after[key] != content}
+    metadata = {"zarr.json", "digests/root.json", "runtime/zarr.json", *(f"{name}/zarr.json" for name in TABLES)}
+    last = {key for key in changed - metadata if key.split("/")[0] in (*TABLES, "hyperparameter")}
+    assert changed - metadata == last  # blocks, population and names are what they were, byte by byte
+    with xr.open_zarr(store) as ds, xr.open_zarr(finished) as old:
+        assert ds.sizes["candidate"] == n + 5
+        for name in ("records", "words", "digests"):
+            xr.testing.assert_identical(ds[name].isel(candidate=slice(0, n)), old[name])
+        assert np.isfinite(ds["records"].sel(field="g_cm_s")).all()
+    extended = open_campaign(store)
+    noted = next(run for run in extended.runtime["runs"] if "extended_from_candidates" in run)
+    assert noted["extended_from_candidates"] == n
+    assert noted["extended_from_fingerprint"] == open_campaign(finished).fingerprint != extended.fingerprint
+    assert extended.config["campaign"]["extensions"] == [5]
+    assert verify(store).ok
+
+
+def test_the_plan_of_what_was_done_stays(finished: Path) -> None:
+    config = load_config("current", SEARCH if open_campaign(finished).budget == 7 else COMPLETE)
+    first = plan(Problem(config))
+    once = plan(Problem(config.extended(config.total_budget + 5)))
+    twice = plan(Problem(config.extended(config.total_budget + 5).extended(config.total_budget + 8)))
+    assert once[: len(first)] == first
+    assert twice[: len(once)] == once
+    assert [sum(w.size for w in twice if w.stage == f"extend{k}") for k in (1, 2)] == [5, 3]
+
+
+def test_extensions_resume_replay_and_follow_each_other(store: Path, tmp_path: Path) -> None:
+    other = Path(shutil.copytree(store, tmp_path / "other.zarr"))
+    n = open_campaign(store).budget
+    for total in (n + 5, n + 8):
+        extend(str(store), total)
+        finish(store)
+        extend(str(other), total)
+        for _ in range(4):
+            finish(other, blocks=1)
+            extend(str(other), total)  # the same words again change nothing
+        finish(other)
+    assert differences(store, other) == []
+    done = softclose("verify", str(store), "--replay", "9")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_an_extension_that_is_cut_off_is_made_again_or_taken_back(
+    store: Path, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = Path(shutil.copytree(store, tmp_path / "whole.zarr"))
+    n = open_campaign(store).budget
+    extend(str(whole), n + 5)
+    finish(whole)
+    write: Callable[..., Any] = writing.write_key
+    keys = []
+    monkeypatch.setattr(writing, "write_key", lambda *a: (keys.append(a[1]), write(*a)))
+    extend(str(shutil.copytree(finished, tmp_path / "counted.zarr")), n + 5)
+    for k in range(0, len(keys) + 1, 5):
+        left = [k]
+
+        def failing(*a: Any, left: list[int] = left) -> None:
+            if left[0] == 0:
+                raise OSError("the power went")
+            left[0] -= 1
+            write(*a)
+
+        cut = Path(shutil.copytree(finished, tmp_path / f"cut{k}.zarr"))
+        monkeypatch.setattr(writing, "write_key", failing)
+        if k < len(keys):
+            with pytest.raises(OSError, match="the power went"):
+                extend(str(cut), n + 5)
+            assert open_campaign(cut).finished
+        monkeypatch.setattr(writing, "write_key", write)
+        mended = Path(shutil.copytree(cut, tmp_path / f"mended{k}.zarr"))
+        assert repair(mended, recompute()).ok
+        assert differences(mended, finished) == []
+        extend(str(cut), n + 5)
+        finish(cut)
+        assert differences(cut, whole) == []
+        assert verify(cut).ok
+
+
+def test_what_cannot_be_extended_is_refused(tmp_path: Path, store: Path) -> None:
+    n = open_campaign(store).budget
+    with pytest.raises(ConfigError, match=f"has {n} candidates; give a larger total than {n - 1}"):
+        extend(str(store), n - 1)
+    unfinished = make_campaign(tmp_path / "b.zarr", *COARSE, run=False)
+    with pytest.raises(StoreError, match="holds 0 of 8 candidates: it can be extended once it is finished"):
+        extend(unfinished, 20)
+    config = load_config("current", (*SEARCH, "campaign.seed=2")).extended(12)
+    with pytest.raises(OtherConfigurationError, match="an extension keeps it"):
+        writing.extend_campaign(store, layout=layout_of(config), config=config.to_dict(), algorithm=ALGORITHM, note={})
+    assert verify(store).ok
+
+
+def test_a_campaign_begins_with_the_best_of_another_store(store: Path, tmp_path: Path) -> None:
+    records = open_campaign(store).records()
+    settings = ("campaign.budget=12", "campaign.seed=3", f"waveform.initial_from={store}", "waveform.initial_count=3")
+    config = warm_started(load_config("current", (*COARSE, *settings)))
+    assert len(config.waveform.initial) == 3
+    most = records["n_switches"] == records["n_switches"].max()
+    best = np.flatnonzero(most)[np.nanargmin(records["g_cm_s"][most])]
+    assert config.waveform.initial_waveforms()[0].rows().tolist() == records["waveform"][best].tolist()
+    assert warm_started(config) == config
+    done = softclose(
+        "run",
+        "current",
+        "--store",
+        str(tmp_path / "b.zarr"),
+        "--serial",
+        "--quiet",
+        *(word for setting in (*COARSE, *settings) for word in ("--set", setting)),
+    )
+    assert done.returncode == 0, done.stderr
+    assert open_campaign(tmp_path / "b.zarr").records()["origin"][:3].tolist() == ["initial"] * 3
+    with pytest.raises(ConfigError, match=r"has no candidate to begin with: .* 0 of its"):
+        warm_started(load_config("current", (*COARSE, *settings, "waveform.max_volts=20")))
