@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -60,12 +60,26 @@ class CampaignSection:
     """Key of every random number: the ensemble and the proposals."""
     budget: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 150
     """Candidates of the search, `waveform.initial` included; 0 leaves it out."""
-    extensions: tuple[Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)], ...] = ()
-    """Candidates added after the campaign was finished, in turn: `softclose resume --budget` writes them."""
+    extensions: tuple[int | tuple[int, ...], ...] = ()
+    """What was added after the campaign was finished, in turn: a number of candidates (`softclose resume --budget`
+    writes it), or earlier candidates to compute again (`--retry-failed`)."""
     wave: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 1
     """Candidates proposed together by an engine that proposes one at a time."""
     lag: Annotated[int, Field(ge=1, le=64, strict=True)] = 1
     """Waves of the search in flight at once: wave w waits for wave w - lag and sees nothing newer."""
+
+    @field_validator("extensions", mode="before")
+    @classmethod
+    def _each_extension(cls, value: Any) -> Any:
+        for place, what in enumerate(value if isinstance(value, list | tuple) else ()):
+            again = isinstance(what, list | tuple)
+            low, high = (0, MAX_COUNT - 1) if again else (1, MAX_COUNT)
+            if not what or not all(type(v) is int and low <= v <= high for v in (what if again else (what,))):
+                raise ValueError(
+                    f"campaign.extensions.{place} is {what!r}; it must be a number from 1 to {MAX_COUNT}, or a "
+                    "list of earlier candidates to compute again"
+                )
+        return value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -342,10 +356,7 @@ class CampaignConfig:
                 f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
                 f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
             )
-        if self.campaign.extensions and self.total_budget > MAX_COUNT:
-            raise ValueError(
-                f"the campaign has {self.total_budget} candidates with its extensions; at most {MAX_COUNT}"
-            )
+        self._check_extensions()
         self._choose_blocks()
         n, block = self.n_switches_max, self.compute.block_switches
         if math.ceil(n / block) > MAX_BLOCKS:
@@ -355,6 +366,19 @@ class CampaignConfig:
                 f"use {math.ceil(n / MAX_BLOCKS)} or more, or 0"
             )
         return self
+
+    def _check_extensions(self) -> None:
+        if self.campaign.extensions and self.total_budget > MAX_COUNT:
+            raise ValueError(
+                f"the campaign has {self.total_budget} candidates with its extensions; at most {MAX_COUNT}"
+            )
+        n = self.first_budget
+        for what in self.campaign.extensions:
+            if isinstance(what, tuple) and max(what) >= n:
+                raise ValueError(
+                    f"campaign.extensions computes candidate {max(what)} again, and there are {n} before it"
+                )
+            n += _size(what)
 
     def check_plugins(self) -> None:
         """Raise EngineError or ModelError where this machine lacks the engine or the device model.
@@ -380,14 +404,21 @@ class CampaignConfig:
     @property
     def total_budget(self) -> int:
         """Candidates of all stages."""
-        return self.first_budget + sum(self.campaign.extensions)
+        return self.first_budget + sum(map(_size, self.campaign.extensions))
 
     def extended(self, total: int) -> CampaignConfig:
         """The same campaign with candidates added up to `total`. Raises ConfigError where it has as many."""
         if total <= self.total_budget:
             raise ConfigError(f"the campaign has {self.total_budget} candidates; give a larger total than {total}")
+        return self._with_extension(total - self.total_budget)
+
+    def retried(self, candidates: Sequence[int]) -> CampaignConfig:
+        """The same campaign with earlier candidates to be computed again at its end. Raises ConfigError."""
+        return self._with_extension(list(candidates))
+
+    def _with_extension(self, what: int | list[int]) -> CampaignConfig:
         data = self.to_dict()
-        data["campaign"]["extensions"].append(total - self.total_budget)
+        data["campaign"]["extensions"].append(what)
         return _validate(data)
 
     @property
@@ -423,6 +454,11 @@ class CampaignConfig:
     def fingerprint(self) -> str:
         """sha256 of the canonical JSON of everything that decides the content of the store."""
         return hashlib.sha256(canonical_json(self.to_dict()).encode()).hexdigest()
+
+
+def _size(extension: int | tuple[int, ...]) -> int:
+    """Candidates of an extension."""
+    return extension if isinstance(extension, int) else len(extension)
 
 
 def canonical_json(data: Mapping[str, Any]) -> str:

@@ -3,7 +3,7 @@
 from softclose_store.check.repair import Recompute, RepairReport, remove_orphans, repair
 from softclose_store.check.report import Damage, Report
 from softclose_store.check.verify import verify
-from softclose_store.disk.files import write_file
+from softclose_store.disk.files import check_writable, write_file
 from softclose_store.disk.lock import lock_holder
 from softclose_store.errors import (
     DamageError,
@@ -58,6 +58,7 @@ __all__ = [
     "Trajectories",
     "assessed_digest",
     "canonical_json",
+    "check_writable",
     "create_campaign",
     "extend_campaign",
     "fingerprint_of",

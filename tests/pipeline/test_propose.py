@@ -130,6 +130,10 @@ def test_every_origin_that_is_written_is_listed():
         )
         written |= {o.origin for o in run(problem)[0]}
     written |= {o.origin for o in run(problem_of(budget=10), failing=set(range(10)))[0]}
+    extended = problem_of("sobol", 8, explore={"budget": 48}, campaign={"extensions": [6, [3, 7]]})
+    again = run(extended)[0][-2:]
+    assert [o.waveform for o in again] == [run(extended)[0][i].waveform for i in (3, 7)]
+    written |= {o.origin for o in run(extended)[0]}
     assert written <= set(ORIGINS)
     assert set(ORIGINS) - written <= {"botorch", "finish-extra"}
 

@@ -18,17 +18,19 @@ import psutil
 import pytest
 
 from campaigns import SMALL, command, run_arguments, softclose
+from small_campaigns import COARSE, make_campaign
 from softclose import Waveform, plugins, simulate
 from softclose.config import load_config
 from softclose.device import CannotSimulate
 from softclose.propose import plan, proposer
 from softclose.propose.protocol import Problem, Proposal
 from softclose.propose.sobol import initial_point
-from softclose_store import open_campaign
+from softclose_store import StoreError, open_campaign, verify
 from softclose_workflows.commands.driving import drive
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.executors import Placement
-from stores import differences
+from softclose_workflows.run.extension import retry_failed
+from stores import differences, files_of
 from test_contracts import wait_for_commits
 
 
@@ -38,6 +40,17 @@ def start(store: Path, *arguments: str, env: dict[str, str] | None = None) -> su
         command(*run_arguments(store), *arguments),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
+        env=os.environ | (env or {}),
+    )
+
+
+def start_worker(address: str, *before: str, env: dict[str, str] | None = None) -> subprocess.Popen[bytes]:
+    """One worker of one thread; before: words that its command line begins with."""
+    options = ["--no-nanny", "--no-dashboard", "--nthreads", "1", "--host", "127.0.0.1"]
+    return subprocess.Popen(
+        [*before, sys.executable, "-m", "distributed.cli.dask_worker", *options, address],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         env=os.environ | (env or {}),
     )
 
@@ -68,21 +81,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
         while not file.exists() and time.monotonic() < deadline:
             time.sleep(0.1)
         address = json.loads(file.read_text())["address"]
-        worker = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "distributed.cli.dask_worker",
-                address,
-                "--no-nanny",
-                "--no-dashboard",
-                "--nthreads",
-                "1",
-                "--host",
-                "127.0.0.1",
-            ],
-            **quiet,
-        )
+        worker = start_worker(address)
         yield address, scheduler, worker
     finally:
         for process in (worker, scheduler):
@@ -112,10 +111,11 @@ class Moody:
     def __init__(self, fault: Exception) -> None:
         self.fault = fault
         self.calls = 0
+        self.well = False
 
     def __call__(self, switches: np.ndarray, waveform: Waveform, **settings: object) -> object:
         self.calls += 1
-        if waveform.pulses[0].rise_us > 6.0:
+        if waveform.pulses[0].rise_us > 6.0 and not self.well:
             raise self.fault
         return simulate(switches, waveform, **settings)
 
@@ -199,6 +199,51 @@ def test_the_first_signal_finishes_what_is_in_flight(
     done = softclose("resume", str(store), "--serial", "--quiet")
     assert done.returncode == 0, done.stderr
     assert differences(reference_store, store) == []
+
+
+def workers_at(address: str, n: int) -> None:
+    """Wait until a scheduler has n workers."""
+    from distributed import Client
+
+    with Client(address, set_as_default=False) as client:
+        client.wait_for_workers(n, timeout=60)
+
+
+BLIND = ("unshare", "--mount", "sh", "-c", 'mount -t tmpfs tmpfs "$1" && shift && exec "$@"', "sh")
+"""Words before a command that runs it without sight of the folder that follows them."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lacks", ["package", "folder"])
+def test_a_worker_that_lacks_something_gets_no_work(lacks: str, tmp_path: Path, reference_store: Path) -> None:
+    store = tmp_path / "shared" / "a.zarr"
+    store.parent.mkdir()
+    shadow = tmp_path / "shadow" / "softclose_workflows" / "__init__.py"
+    shadow.parent.mkdir(parents=True)
+    shadow.write_text("raise ModuleNotFoundError('not installed here')")
+    before, env = ((), {"PYTHONPATH": str(tmp_path / "shadow")}) if lacks == "package" else ((*BLIND, store.parent), {})
+    if lacks == "folder" and subprocess.run([*map(str, before), "true"], capture_output=True).returncode:
+        pytest.skip("needs the right to mount a tmpfs")
+    with cluster(tmp_path) as (address, _, able):
+        workers_at(address, 1)
+        unable = start_worker(address, *map(str, before), env=env)
+        try:
+            workers_at(address, 2)
+            done = softclose(*run_arguments(store), "--scheduler", address)
+            assert done.returncode == 0, done.stderr
+            assert differences(reference_store, store) == []
+            able.kill()
+            able.wait()
+            store = store.with_name("b.zarr")
+            done = softclose(*run_arguments(store), "--scheduler", address)
+        finally:
+            unable.kill()
+            unable.wait()
+    assert done.returncode == 3, done.stderr
+    assert "no worker can compute blocks of this campaign" in done.stderr
+    assert ("ModuleNotFoundError('not installed here')" if lacks == "package" else "StoreMissingError") in done.stderr
+    assert done.stderr.endswith(f"continue with: softclose resume {store}\n")
+    assert open_campaign(store).committed == 0
 
 
 def test_a_full_disk_stops_cleanly_and_room_lets_it_go_on(tmp_path: Path, reference_store: Path) -> None:
@@ -376,3 +421,47 @@ def test_fallbacks_are_counted_in_the_last_lines_and_in_status(
     assert told["fallbacks"] == 3
     assert "not positive definite" in told["reason"]
     assert "3 of 8 candidates are quasi-random points" in softclose("status", str(store)).stdout
+
+
+def test_failed_candidates_are_computed_again_on_request_and_recorded_as_such(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = tmp_path / "a.zarr"
+    moody = run_moody(store, CannotSimulate("the licence server is away"), monkeypatch)
+    before = open_campaign(store).records()
+    failed = np.flatnonzero(before["failed"])
+    moody.fault = CannotSimulate("still away")
+    retry_failed(str(store))
+    drive(str(store), Placement(serial=True), quiet=True)
+    n = len(before["failed"])
+    second = np.arange(n, n + len(failed))
+    assert open_campaign(store).records()["failed"][second].all()
+    moody.well = True
+    retry_failed(str(store))  # what failed twice, under its newest number
+    retry_failed(str(store))  # the same words again, before it is done
+    drive(str(store), Placement(serial=True), quiet=True)
+    records = open_campaign(store).records()
+    last = second + len(failed)
+    assert len(records["failed"]) == n + 2 * len(failed)
+    assert not records["failed"][last].any()
+    assert np.isfinite(records["g_cm_s"][last]).all()
+    assert records["note"][last].tolist() == [f"candidate {i} again" for i in second]
+    assert records["origin"][last].tolist() == ["retry"] * len(failed)
+    np.testing.assert_array_equal(records["waveform"][last], before["waveform"][failed])
+    np.testing.assert_array_equal(records["failed"][:n], before["failed"])  # the record of the failure stays
+    assert verify(store).ok
+    with pytest.raises(StoreError, match=r"none of the .* failed: there is nothing to retry"):
+        retry_failed(str(store))
+
+
+def test_resume_of_a_damaged_finished_store_does_not_end_well(tmp_path: Path) -> None:
+    store = Path(make_campaign(tmp_path / "a.zarr", *COARSE))
+    assert softclose("resume", str(store)).returncode == 0
+    shard = next(f for f in files_of(store / "search" / "x") if f.name != "zarr.json")
+    content = bytearray(shard.read_bytes())
+    content[len(content) // 3] ^= 4
+    shard.write_bytes(content)
+    done = softclose("resume", str(store))
+    assert done.returncode == 2, done.stdout
+    assert "is finished and damaged in one place" in done.stderr
+    assert f"softclose verify {store} --repair" in done.stderr

@@ -14,8 +14,8 @@ from softclose.propose.protocol import Problem
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig
 
-EXTEND = "extend"
-"""Stages `extend1`, `extend2`, …, and the engine of those that follow descents."""
+EXTEND, RETRY = "extend", "retry"
+"""Stages `extend1`, `extend2`, …, and the engine of those that follow descents; that of candidates computed again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +32,8 @@ class Extension:
     """Who proposes."""
     n_switches: int
     """Switches that its candidates are evaluated on."""
+    again: tuple[int, ...] = ()
+    """Earlier candidates that are computed again, where that is what it is for."""
 
 
 def extensions(config: CampaignConfig) -> dict[str, Extension]:
@@ -39,14 +41,17 @@ def extensions(config: CampaignConfig) -> dict[str, Extension]:
     searches = not config.explore.budget + config.finish.budget
     begin = config.first_budget
     found = {}
-    for number, size in enumerate(config.campaign.extensions, start=1):
+    for number, what in enumerate(config.campaign.extensions, start=1):
         stage = f"{EXTEND}{number}"
+        again = what if isinstance(what, tuple) else ()
+        size = what if isinstance(what, int) else len(again)
         found[stage] = Extension(
             stage=stage,
             begin=begin,
             size=size,
-            engine=config.optimiser.engine if searches else EXTEND,
+            engine=RETRY if again else config.optimiser.engine if searches else EXTEND,
             n_switches=config.n_switches_max,
+            again=again,
         )
         begin += size
     return found
@@ -54,7 +59,7 @@ def extensions(config: CampaignConfig) -> dict[str, Extension]:
 
 def problem_of(problem: Problem, extension: Extension) -> Problem:
     """The problem as the engine of an extension sees it: a search that goes on has the larger budget."""
-    if extension.engine == EXTEND:
+    if extension.engine in (EXTEND, RETRY):
         return problem
     campaign = replace(problem.config.campaign, budget=extension.begin + extension.size, extensions=())
     return Problem(replace(problem.config, campaign=campaign))

@@ -15,6 +15,7 @@ PAPER_WIDEN, PAPER_GRID, PAPER_SIMPLEX = "paper-widen", "paper-grid", "paper-sim
 SCOUT, EXPLORE = "explore-scout", "explore"
 RERANK, POLISH, EXTRA = "finish-rerank", "finish-polish", "finish-extra"
 EXTENDED = "extend"
+RETRY = "retry"
 FALLBACK = "fallback"
 
 Group = Literal["start", "around the best", "everywhere", "descents", "finish", "fallback", "other"]
@@ -56,6 +57,7 @@ ORIGINS: dict[str, Origin] = {
         Origin(name=POLISH, stage="finish", group="finish", label="polish, larger ensemble"),
         Origin(name=EXTRA, stage="finish", group="finish", label="beside a basin, larger ensemble"),
         Origin(name=EXTENDED, stage="extend", group="descents", label="step of a descent, after the campaign's end"),
+        Origin(name=RETRY, stage="extend", group="other", label="failed candidate, computed again", designed=True),
         Origin(name=FALLBACK, stage="", group="fallback", label="in place of a proposal that failed", designed=True),
     )
 }

@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Callable
 
 from softclose.propose.explore import explore_ladder
-from softclose.propose.extensions import EXTEND, extensions, problem_of
+from softclose.propose.extensions import EXTEND, RETRY, extensions, problem_of
 from softclose.propose.protocol import Engine, EngineError, Problem, Wave, WaveEngine, load_engine
 
 SEARCH, EXPLORE, FINISH = "search", "explore", "finish"
@@ -47,8 +47,8 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
     add(EXPLORE, [step.size for step in steps], few, lambda w: first + steps[w - first].before + 1)
     add(FINISH, _sizes(problem, FINISH, config.finish.budget), many, lambda w: w)
     for extension in extensions(config).values():
-        if extension.engine == EXTEND:
-            add(extension.stage, _sizes(problem, EXTEND, extension.size), extension.n_switches, lambda w: w)
+        if extension.engine in (EXTEND, RETRY):
+            add(extension.stage, _sizes(problem, extension.engine, extension.size), extension.n_switches, lambda w: w)
         else:
             whole = _sizes(problem_of(problem, extension), search or extension.engine, extension.begin + extension.size)
             sizes = _after(whole, extension.begin)

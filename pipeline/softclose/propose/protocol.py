@@ -191,6 +191,7 @@ _STAGES = {
     "explore": "softclose.propose.explore:ExploreEngine",
     "finish": "softclose.propose.finish:FinishEngine",
     "extend": "softclose.propose.extend:ExtendEngine",
+    "retry": "softclose.propose.retry:RetryEngine",
 }
 
 

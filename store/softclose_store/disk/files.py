@@ -179,6 +179,17 @@ def delete_key(files: Store, key: str) -> None:
     run_here(files.delete(key), files)
 
 
+def check_writable(path: StorePath) -> None:
+    """Write a small file into a store and remove it; raises OSError, or the service's own error, where that fails.
+
+    Its name is that of a file that a kill leaves behind: nobody takes it for data.
+    """
+    files = open_files(path, read_only=False)
+    key = f"digests/probe.{uuid.uuid4().hex}{PARTIAL}"
+    write_key(files, key, b"")
+    delete_key(files, key)
+
+
 def check_inside(files: Store, key: str) -> None:
     """Raise StoreError where a key would leave the store: an unsafe name, or a link on the way."""
     if os.path.isabs(key) or ".." in key.split("/") or "\\" in key:

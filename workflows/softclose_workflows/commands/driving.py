@@ -9,7 +9,7 @@ import click
 
 from softclose import ALGORITHM
 from softclose.config import CampaignConfig
-from softclose_store import DriverStore, open_campaign, store_state
+from softclose_store import DamageError, DriverStore, open_campaign, store_state, verify
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
@@ -53,4 +53,16 @@ def drive(
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
             listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
             Driver(store, executor, stop=stop, listener=listener).run()
+        else:
+            _check_whole(path)
     print_result(path)
+
+
+def _check_whole(path: str) -> None:
+    """Raise DamageError where a finished store, which no driver opens any more, is damaged."""
+    problems = verify(path).problems
+    if problems:
+        places = f"{len(problems)} places" if len(problems) > 1 else "one place"
+        raise DamageError(
+            f"{path} is finished and damaged in {places} ({problems[0]}): run `softclose verify {path} --repair`"
+        )

@@ -22,18 +22,33 @@ if TYPE_CHECKING:
     metavar="N",
     help="Extend the finished campaign to N candidates; those that it has stay as they are.",
 )
+@click.option(
+    "--retry-failed",
+    is_flag=True,
+    help="Compute the failed candidates of the finished campaign again, as further ones; their records stay.",
+)
 @placement_options
 @break_lock_option
 @quiet_option
 @click.pass_context
 def resume(
-    ctx: click.Context, store: str, budget: int | None, placement: Placement, break_lock: bool, quiet: bool
+    ctx: click.Context,
+    store: str,
+    budget: int | None,
+    retry_failed: bool,
+    placement: Placement,
+    break_lock: bool,
+    quiet: bool,
 ) -> None:
     """Continue the campaign in STORE from its last committed wave and its finished blocks."""
     from softclose_workflows.commands.driving import drive
-    from softclose_workflows.run.extension import extend
+    from softclose_workflows.run import extension
 
     ctx.meta["softclose.store"] = store
+    if budget is not None and retry_failed:
+        raise click.UsageError("--budget and --retry-failed exclude each other; give one after the other")
     if budget is not None:
-        extend(store, budget, break_lock=break_lock)
+        extension.extend(store, budget, break_lock=break_lock)
+    if retry_failed:
+        extension.retry_failed(store, break_lock=break_lock)
     drive(store, placement, break_lock=break_lock, quiet=quiet)

@@ -107,6 +107,8 @@ class Driver:
     def run(self) -> None:
         """Return when every wave is committed; raise Stopped where the run ends earlier."""
         self._report()
+        if self.store.n_waves < len(self.waves):
+            self.executor.probe(self.store.path, self.store.fingerprint)
         while self.store.n_waves < len(self.waves):
             self._launch()
             if not self._flights:

@@ -155,7 +155,7 @@ def run_block(task: BlockTask) -> BlockResult:
     """Compute one block and write it to the store, its marker last."""
     from softclose_store import write_block
 
-    config, switches = _campaign(task.store, task.fingerprint)
+    config, switches = campaign_of(task.store, task.fingerprint)
     began = time.perf_counter()
     arrays, failures = compute_block(config, switches[task.start : task.stop], task.waveforms)
     simulated = time.perf_counter()
@@ -173,7 +173,7 @@ def run_block(task: BlockTask) -> BlockResult:
 
 
 @lru_cache(maxsize=2)
-def _campaign(store: str, fingerprint: str) -> tuple[CampaignConfig, FloatArray]:
+def campaign_of(store: str, fingerprint: str) -> tuple[CampaignConfig, FloatArray]:
     """Configuration and (n_switches, 4) D, G, K, M as stored; one read per process and campaign."""
     from softclose_store import StoreError, open_campaign, read_switches
 

@@ -1,4 +1,4 @@
-"""Owns what a Dask worker does before its first block."""
+"""Owns what a worker does before its first block: it loads the kernel, and is asked whether it can do the work."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from distributed import WorkerPlugin
+
+from softclose import ALGORITHM
 
 
 class WorkerSetup(WorkerPlugin):
@@ -32,3 +34,24 @@ def warm_up() -> None:
 
     drive = Waveform([Pulse(0.0, 4.0, 4.0, 100.0)])
     simulate([[2.4, 3.7, 65.0, 3.4]], drive, horizon_us=20.0, times_us=[0.0], max_impacts=1, dtype=np.float32)
+
+
+def probe(store: str, fingerprint: str, algorithm: str) -> str:
+    """What keeps this process from computing blocks of a campaign; empty where nothing does.
+
+    The versions, the store as it is seen from here, a write to it, the kernel: in the order in which they are needed.
+    """
+    from softclose.plugins import MODELS
+    from softclose_store import check_writable
+    from softclose_workflows.run.tasks import campaign_of
+
+    if algorithm != ALGORITHM:
+        return f"its softclose computes by algorithm {ALGORITHM}, the driver's by {algorithm}: install the same version"
+    try:
+        config, _ = campaign_of(store, fingerprint)
+        MODELS.check(config.model.name)
+        check_writable(store)
+        warm_up()
+    except Exception as e:
+        return f"{type(e).__name__}: {e}"
+    return ""

@@ -8,10 +8,12 @@ import queue
 import threading
 import time
 import uuid
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from softclose import ALGORITHM
 from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run.executors.protocol import Event
 from softclose_workflows.run.faults import MAX_TRIES
@@ -32,6 +34,16 @@ SILENT = logging.CRITICAL + 1
 """A level above every message."""
 
 
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A block under way."""
+
+    task: BlockTask
+    future: BlockFuture
+    workers: frozenset[str] | None
+    """Where alone it may run; None: anywhere."""
+
+
 class DaskExecutor:
     """Runs blocks on a Dask cluster through one client."""
 
@@ -41,7 +53,7 @@ class DaskExecutor:
         """`refill` starts workers until there are so many: a local cluster's own restarts give up on some deaths."""
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self._futures: dict[str, BlockFuture] = {}
+        self._futures: dict[str, Sent] = {}
         self._waiting: deque[BlockTask] = deque()
         self._feeding = threading.Lock()
         # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
@@ -53,6 +65,9 @@ class DaskExecutor:
         self._workers = set(client.scheduler_info(n_workers=-1)["workers"])
         self._wanted = len(self._workers)
         self._refill = refill
+        self._campaign: tuple[str, str] | None = None
+        self._unfit: dict[str, str] = {}
+        """Workers that cannot compute blocks of the campaign, and why."""
         # The scheduler tells who comes and goes: looking now and then would miss a worker that dies at once.
         client.subscribe_topic("all", self._membership)
 
@@ -60,6 +75,37 @@ class DaskExecutor:
         """Stop listening to the scheduler, so that neither side writes to the other while they part."""
         with contextlib.suppress(Exception):  # the scheduler may be gone
             self._client.unsubscribe_topic("all")
+
+    def probe(self, store: str, fingerprint: str) -> None:
+        """See `Executor.probe`."""
+        self._campaign = store, fingerprint
+        self._ask(store, fingerprint)
+        self._check_fit()
+
+    def _ask(self, store: str, fingerprint: str, workers: list[str] | None = None) -> None:
+        """Have workers, by default all, look at the campaign's store; remember those that cannot use it."""
+        from softclose_workflows.run.workers import probe
+
+        answers = self._client.run(probe, store, fingerprint, ALGORITHM, workers=workers, on_error="return")
+        for address, answer in answers.items():
+            if isinstance(answer, BaseException):  # it could not even be asked: a package is missing
+                answer = f"{type(answer).__name__}: {answer}"
+            if answer:
+                self._unfit[address] = answer
+
+    def _ask_newcomer(self, store: str, fingerprint: str, worker: str) -> None:
+        """Beside Dask's event loop. One that is gone before it answers is no loss."""
+        with contextlib.suppress(Exception):
+            self._ask(store, fingerprint, [worker])
+
+    def _fit(self) -> list[str]:
+        return sorted(self._workers - self._unfit.keys())
+
+    def _check_fit(self) -> None:
+        if self._unfit and self._workers and not self._fit():
+            reasons = Counter(self._unfit.values()).most_common()
+            told = "; ".join(f"{reason} ({n} of {len(self._unfit)})" for reason, n in reasons[:MAX_TRIES])
+            raise Stopped(f"no worker can compute blocks of this campaign: {told}")
 
     @property
     def n_workers(self) -> int:
@@ -72,8 +118,12 @@ class DaskExecutor:
         if message.get("action") == "add-worker":
             self._workers.add(message["worker"])
             self._last_alive = time.monotonic()
+            if self._campaign is not None:
+                asked = (*self._campaign, message["worker"])
+                threading.Thread(target=self._ask_newcomer, args=asked, daemon=True).start()
         elif message.get("action") == "remove-worker":
             self._workers.discard(message["worker"])
+            self._unfit.pop(message["worker"], None)
             self._last_alive = time.monotonic()
             self.n_retries += not message.get("expected", False)
 
@@ -96,12 +146,15 @@ class DaskExecutor:
 
     def _send(self, task: BlockTask) -> None:
         key = f"block-{task.stage}-{task.row}-{task.column}-{self._token}-{uuid.uuid4().hex[:6]}"
-        future = self._client.submit(run_block, task, key=key, pure=False)
-        self._futures[key] = future
+        chosen = self._fit() if self._unfit else None
+        future = self._client.submit(run_block, task, key=key, pure=False, workers=chosen)
+        self._futures[key] = Sent(task, future, None if chosen is None else frozenset(chosen))
         future.add_done_callback(lambda done: self._finished(task, done))
 
     def _finished(self, task: BlockTask, future: BlockFuture) -> None:
         """Runs on Dask's callback thread."""
+        if str(future.key) not in self._futures:
+            return
         try:
             outcome = self._outcome(task, future)
         except BaseException as e:  # the thread is Dask's: what is raised here would be seen by nobody
@@ -110,6 +163,15 @@ class DaskExecutor:
         self._futures.pop(str(future.key), None)
         self._events.put((task, outcome))
         self._feed()
+
+    def _send_again(self) -> None:
+        """Blocks that were meant for workers which are all gone would wait for ever: others get them."""
+        with self._feeding:
+            for key, sent in list(self._futures.items()):
+                if sent.workers is not None and not sent.workers & self._workers and self._fit():
+                    del self._futures[key]
+                    sent.future.cancel()
+                    self._send(sent.task)
 
     def _outcome(self, task: BlockTask, future: BlockFuture) -> BlockResult | BaseException:
         from distributed.scheduler import KilledWorker
@@ -132,6 +194,8 @@ class DaskExecutor:
         try:
             event = self._events.get(timeout=timeout_s)
         except queue.Empty:
+            self._check_fit()
+            self._send_again()
             connected = self._client.status == "running"
             if self._refill is not None and len(self._workers) < self._wanted:
                 self._refill(self._wanted)
@@ -227,7 +291,8 @@ def _on(
 ) -> Iterator[DaskExecutor]:
     from softclose_workflows.run.workers import WorkerSetup
 
-    client.register_plugin(WorkerSetup(), name="softclose")
+    with contextlib.suppress(Exception):  # a worker without our packages cannot load it; the probe names that one
+        client.register_plugin(WorkerSetup(), name="softclose")
     executor = DaskExecutor(client, dashboard, patience_s, refill)
     try:
         yield executor

@@ -30,6 +30,13 @@ class Executor(Protocol):
         """True where `next_event` has something to hand back at once."""
         ...
 
+    def probe(self, store: str, fingerprint: str) -> None:
+        """Ask every worker, also those to come, whether it can compute blocks of a campaign; others get none.
+
+        Raises Stopped, with the reasons, where no worker can.
+        """
+        ...
+
     def submit(self, task: BlockTask) -> None:
         """Start one block, now or when there is room for it."""
         ...

@@ -19,6 +19,9 @@ class SerialExecutor:
     def __init__(self) -> None:
         self._waiting: deque[BlockTask] = deque()
 
+    def probe(self, store: str, fingerprint: str) -> None:
+        """Nothing to ask: this process has the store open, and loads the kernel with its first block."""
+
     def submit(self, task: BlockTask) -> None:
         """Queue one block."""
         self._waiting.append(task)
