@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: help env env-test env-lint run test lint docs torture damage mutants clean
+.PHONY: help env env-test env-lint run test lint docs torture damage power-loss mutants clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/'
@@ -71,6 +71,9 @@ torture: env-test  ## 200 kills at random instants, each resumed and compared bi
 
 damage: env-test  ## 1,000 damages, found and repaired, into docs/measurements/damage.md (a quarter of an hour)
 	PYTHONPATH=tests $(BIN)/python -m damage --rounds 1000
+
+power-loss: env-test  ## the power goes after every step of a small campaign, with and without `durable`
+	PYTHONPATH=tests $(BIN)/python -m lose_power
 
 mutants: env-mutants  ## how many small changes of meaning the tests notice, into docs/measurements/mutants.md (an hour)
 	PYTHONPATH=tests $(BIN)/python -m mutants

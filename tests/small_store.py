@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose_store import DriverStore, Layout, StageLayout, create_campaign, proposals_digest, write_block
+from softclose_store import (
+    DriverStore,
+    Layout,
+    Recompute,
+    StageLayout,
+    create_campaign,
+    proposals_digest,
+    write_block,
+)
 
 CONFIG: dict[str, Any] = {"campaign": {"seed": 7, "budget": 8}, "model": {"horizon_us": 250.0}}
 RUNTIME = {"host": "here", "versions": {"zarr": "3"}}
@@ -163,3 +171,20 @@ def run(path: Any, until: int = 8) -> None:
     with DriverStore(path) as store:
         while store.n_committed < until:
             run_wave(store)
+
+
+def recompute() -> Recompute:
+    """How all of it is computed again."""
+
+    def switches(sizes: Layout, stage: str, i: int) -> int:
+        start = sizes.first(stage) + sizes.stage(stage).candidates(i).start
+        return USED.get(start, sizes.stage(stage).n_switches)
+
+    return Recompute(
+        population=lambda config: population(),
+        times_us=lambda config: layout().times_us,
+        waves=lambda config: list(WAVES.values()),
+        proposals=lambda store, start, size: proposals(store.layout, start),
+        block=lambda store, stage, i, j: block(store.layout, stage, i, j, switches(store.layout, stage, i)),
+        record=lambda store, i: record(i),
+    )

@@ -13,13 +13,12 @@ import zarr
 from numpy.testing import assert_array_equal
 
 import small_store
-from small_store import USED, WAVES, block, create, layout, population, proposal, record, run, write_wave
+from small_store import create, population, proposal, record, run, write_wave
 from softclose_store import (
     DamageError,
     DriverStore,
     GroupArray,
     LockedError,
-    Recompute,
     StoreError,
     list_groups,
     open_campaign,
@@ -43,27 +42,14 @@ def certify(path):
 
 
 def recompute(**changes):
-    """How small_store's numbers are computed again."""
+    """How small_store's numbers, and the result group, are computed again."""
 
     def group(path, name):
         if name == GROUP:
             certify(path)
         return "" if name == GROUP else "unknown"
 
-    def switches(sizes, stage, i):
-        start = sizes.first(stage) + sizes.stage(stage).candidates(i).start
-        return USED.get(start, sizes.stage(stage).n_switches)
-
-    again = Recompute(
-        population=lambda config: population(),
-        times_us=lambda config: layout().times_us,
-        waves=lambda config: list(WAVES.values()),
-        proposals=lambda store, start, size: small_store.proposals(store.layout, start),
-        block=lambda store, stage, i, j: block(store.layout, stage, i, j, switches(store.layout, stage, i)),
-        record=lambda store, i: record(i),
-        group=group,
-    )
-    return replace(again, **changes)
+    return replace(small_store.recompute(), **({"group": group} | changes))
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -465,3 +467,38 @@ def test_resume_of_a_damaged_finished_store_does_not_end_well(tmp_path: Path) ->
     assert done.returncode == 2, done.stdout
     assert "is finished and damaged in one place" in done.stderr
     assert f"softclose verify {store} --repair" in done.stderr
+
+
+def test_a_machine_on_which_no_cluster_starts_is_told_in_one_line(tmp_path: Path) -> None:
+    program = f"ulimit -n 32; exec {shlex.join(command(*run_arguments(tmp_path / 'a.zarr')))} --workers 2"
+    done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("softclose: no cluster of 2 workers starts on this machine (OSError: [Errno 24]")
+    assert done.stderr.count("\n") == 1
+    assert "--serial" in done.stderr
+
+
+def test_a_scheduler_that_speaks_tls_is_not_asked_without_a_certificate(tmp_path: Path) -> None:
+    done = softclose(*run_arguments(tmp_path / "a.zarr"), "--scheduler", "tls://127.0.0.1:8786")
+    assert done.returncode == 2
+    assert "no certificate is configured here: set distributed.comm.tls" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("fate", ["renamed", "deleted"])
+def test_a_run_whose_store_is_taken_away_says_so(fate: str, tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    run = start(store, "--serial", "--set", "campaign.budget=2000", "--set", "optimiser.engine=sobol")
+    wait_for_commits(store, 2, run)
+    if fate == "renamed":
+        store.rename(tmp_path / "b.zarr")
+    else:
+        shutil.rmtree(store, ignore_errors=True)
+        shutil.rmtree(store, ignore_errors=True)
+    _, stderr = run.communicate(timeout=60)
+    assert run.returncode == 3, stderr.decode()
+    assert "Traceback" not in stderr.decode()
+    assert f"{store} is gone" in stderr.decode()
+    assert "continue with" not in stderr.decode()
+    if fate == "renamed":
+        assert verify(tmp_path / "b.zarr").ok

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
+from campaigns import command, run_arguments
 from small_campaigns import FINISHED
 from softclose.config import load_config
 from softclose_workflows.cli import main
@@ -169,3 +172,12 @@ def test_cores_are_counted_where_a_system_has_no_affinities(monkeypatch: pytest.
     monkeypatch.setattr(os, "cpu_count", lambda: 7)
     assert n_cores() == 7
     assert Placement().n_processes == 7
+
+
+def test_a_limit_of_address_space_is_found_out_before_a_library_spins_in_it(tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    program = f"ulimit -v 1000000; exec {shlex.join(command(*run_arguments(store)))} --serial"
+    done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2, done.stderr
+    assert "of address space, of which a process may have 1.02 GB (ulimit -v)" in done.stderr
+    assert not store.exists()

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
 import threading
+import time
 
 import pytest
 
@@ -51,3 +55,40 @@ def test_outside_the_main_thread_nothing_is_installed() -> None:
     thread.join()
     assert len(found) == 1
     assert not found[0]
+
+
+STUCK = """
+import itertools
+from softclose_workflows.run import stopping
+stopping._WATCH = stopping._WATCH.replace(str(stopping.GRACE_S), "0.5")
+with stopping.stop_on_signals():
+    print("ready", flush=True)
+    sum(itertools.repeat(0))  # no handler runs in here, ever
+"""
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_a_run_that_never_comes_back_to_python_is_ended_by_the_second_signal(n: int) -> None:
+    with subprocess.Popen([sys.executable, "-c", STUCK], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        for _ in range(n):
+            process.send_signal(signal.SIGTERM)
+            time.sleep(0.1)
+        try:
+            assert process.wait(timeout=2.0 if n == 1 else 20.0) == -signal.SIGKILL
+            assert n > 1
+        except subprocess.TimeoutExpired:
+            assert n == 1
+        finally:
+            process.kill()
+
+
+def test_the_process_beside_ends_with_the_block() -> None:
+    before = signal.set_wakeup_fd(-1)
+    signal.set_wakeup_fd(before)
+    with stop_on_signals():
+        pass
+    assert signal.set_wakeup_fd(before) == before
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from softclose import __version__
-from softclose_workflows.errors import EXIT_BAD_INPUT, EXIT_STOPPED, Stopped
+from softclose_workflows.errors import EXIT_BAD_INPUT, EXIT_STOPPED, Stopped, StoreGoneError, machine_faults
 
 EPILOG = """\b
 Examples:
@@ -30,11 +30,12 @@ class Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a fault of the program itself keeps its traceback."""
         try:
-            return super().invoke(ctx)
+            with machine_faults():
+                return super().invoke(ctx)
         except Stopped as e:
             _trace(ctx)
             _say(f"stopped: {e}")
-            if store := ctx.meta.get("softclose.store"):
+            if (store := ctx.meta.get("softclose.store")) and not isinstance(e, StoreGoneError):
                 _say(f"nothing committed is lost; continue with: softclose resume {store}")
             ctx.exit(EXIT_STOPPED)
         except ValueError as e:

@@ -5,6 +5,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+from collections.abc import Iterator
+
 EXIT_BAD_INPUT = 2
 EXIT_STOPPED = 3
 
@@ -19,3 +23,20 @@ class ExportError(ValueError):
 
 class Stopped(RuntimeError):
     """The campaign stopped before its end; what is committed is whole, and `resume` continues from there."""
+
+
+class StoreGoneError(Stopped):
+    """The store was renamed or deleted while a run worked on it: there is nothing to resume at its path."""
+
+
+@contextlib.contextmanager
+def machine_faults() -> Iterator[None]:
+    """Turn what the machine refuses (its disk, its memory) into Stopped: nobody's input is to blame."""
+    try:
+        yield
+    except MemoryError as e:
+        raise Stopped(f"the memory is not enough ({e or 'MemoryError'}); close other programs, or ask for less") from e
+    except OSError as e:
+        if e.errno == errno.EPIPE:  # whoever read our output is gone
+            raise
+        raise Stopped(f"the machine refuses ({type(e).__name__}: {e})") from e

@@ -147,8 +147,8 @@ def decode_root(content: bytes, where: str) -> Root:
         is_ours = attributes.get("kind") == KIND
     except (ValueError, KeyError, AttributeError, TypeError) as e:
         raise DamageError(
-            f"{where}/zarr.json cannot be read as JSON metadata ({type(e).__name__}): the file is damaged, or the path "
-            "is no Softclose store"
+            f"{where}/zarr.json cannot be read as JSON metadata ({type(e).__name__}): the file is damaged: "
+            "`softclose verify --repair` rebuilds it; or the path is no Softclose store"
         ) from e
     if not is_ours:
         raise StoreMissingError(f"{where} is a Zarr hierarchy, but no Softclose campaign; give another path")

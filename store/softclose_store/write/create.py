@@ -74,7 +74,7 @@ def create_campaign(
     if target is None:
         _write_all(open_files(path, read_only=False), hierarchy)
         return
-    _appear(target.absolute(), hierarchy, durable)
+    _appear(target.absolute(), hierarchy)
 
 
 def _write_all(files: Store, hierarchy: Mapping[str, bytes]) -> None:
@@ -85,18 +85,20 @@ def _write_all(files: Store, hierarchy: Mapping[str, bytes]) -> None:
         write_key(files, key, hierarchy[key])
 
 
-def _appear(target: Path, hierarchy: Mapping[str, bytes], durable: bool) -> None:
-    """Write the hierarchy into a sibling of the target and rename it: there is never half a store at the target."""
+def _appear(target: Path, hierarchy: Mapping[str, bytes]) -> None:
+    """Write the hierarchy into a sibling of the target and rename it: there is never half a store at the target.
+
+    Synced in any case: what a store is must not be lost, then everything else can be made again.
+    """
     _remove_abandoned(target)
     sibling = target.with_name(f"{target.name}.creating-{socket.gethostname()}-{os.getpid()}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(sibling, ignore_errors=True)
-        files = open_files(sibling, read_only=False, durable=durable)
+        files = open_files(sibling, read_only=False, durable=True)
         _write_all(files, hierarchy)
         os.rename(sibling, target)  # replaces an empty folder, refuses any other
-        if durable:
-            sync_directory(target.parent)
+        sync_directory(target.parent)
     except OSError as e:
         shutil.rmtree(sibling, ignore_errors=True)
         raise StoreError(

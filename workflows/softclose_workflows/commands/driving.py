@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import click
 
 from softclose import ALGORITHM
 from softclose.config import CampaignConfig
-from softclose_store import DamageError, DriverStore, open_campaign, store_state, verify
+from softclose_store import DamageError, DriverStore, StoreError, open_campaign, store_state, verify
+from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
@@ -30,9 +33,16 @@ def drive(
     """Run the campaign in the store to its end and print the result.
 
     config: create the store first where there is none. Nothing is written before the executor has started.
+    Raises Stopped where it ends earlier, also for a fault of the disk or of memory.
     """
     from softclose_workflows.analyses.result import print_result
 
+    with machine_faults():
+        _drive(path, placement, config=config, break_lock=break_lock, quiet=quiet)
+    print_result(path)
+
+
+def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, break_lock: bool, quiet: bool) -> None:
     with stop_on_signals() as stop, contextlib.ExitStack() as stack:
         state = store_state(path)
         is_new = state.kind in ("absent", "unfinished")
@@ -52,10 +62,24 @@ def drive(
             if executor.dashboard and not quiet:
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
             listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
-            Driver(store, executor, stop=stop, listener=listener).run()
+            with _still_there(path):
+                Driver(store, executor, stop=stop, listener=listener).run()
         else:
             _check_whole(path)
-    print_result(path)
+
+
+@contextlib.contextmanager
+def _still_there(path: str) -> Iterator[None]:
+    """Say of a failure that the store was taken away under the run, where it was."""
+    try:
+        yield
+    except (Stopped, StoreError, OSError) as e:
+        if "://" not in path and not Path(path, "zarr.json").exists():
+            raise StoreGoneError(
+                f"{path} is gone: it was renamed or deleted while this run worked on it; where it is now it holds what "
+                f"was committed ({e})"
+            ) from e
+        raise
 
 
 def _check_whole(path: str) -> None:

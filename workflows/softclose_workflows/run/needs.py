@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import resource
 import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -35,6 +36,11 @@ WORKER_SWITCH_BYTES = 64.0
 
 FRESH_SWITCH_BYTES, FRESH_RESPONSE_BYTES, KEPT_RESPONSE_BYTES = 100.0, 38.0, 10.0
 """Memory for each fresh switch; for each of them under each waveform while it is assessed, and afterwards."""
+
+
+LIBRARIES_BYTES = 1.05e9
+"""Address space of a process in which nothing but our libraries is loaded and used; below it OpenBLAS, which cannot say
+that it has no memory, never comes back."""
 
 
 class NeedsError(ValueError):
@@ -120,6 +126,12 @@ def check(needs: Needs, what: str, remedy: str, *, path: str | Path | None = Non
         free = shutil.disk_usage(folder).free
         if needs.disk_bytes > free:
             problems.append(f"{_bytes(needs.disk_bytes)} of disk, of which {_bytes(free)} are free at {folder}")
+    limit = address_space_bytes()
+    if needs.memory_bytes + LIBRARIES_BYTES > limit:
+        problems.append(
+            f"{_bytes(needs.memory_bytes + LIBRARIES_BYTES)} of address space, of which a process may have "
+            f"{_bytes(limit)} (ulimit -v)"
+        )
     if problems:
         raise NeedsError(f"{what} would take at least {'; and '.join(problems)}: {remedy}")
 
@@ -133,6 +145,12 @@ def machine_memory_bytes() -> float:
     except (OSError, ValueError):  # another system, or no limit ("max")
         return whole
     return min(whole, limit)
+
+
+def address_space_bytes() -> float:
+    """What the shell lets a process address; inf where it sets no limit."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return math.inf if limit == resource.RLIM_INFINITY else float(limit)
 
 
 def _bytes(n: float) -> str:

@@ -253,8 +253,8 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     # Everything listens on loopback, and speaks TLS with certificates made for this run alone: whoever reaches a
     # scheduler runs code as its user, and other users of this machine reach its loopback
     # (docs/explanation/security.md).
-    with (
-        LocalCluster(
+    try:
+        cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
@@ -264,9 +264,16 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address=None,
             silence_logs=SILENT,
-        ) as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
+        )
+    except (RuntimeError, OSError, TimeoutError) as e:
+        reason: BaseException = e
+        while cause := reason.__cause__ or reason.__context__:
+            reason = cause
+        raise ExecutorError(
+            f"no cluster of {workers} workers starts on this machine ({type(reason).__name__}: {reason}); look at its "
+            "limits (ulimit -n, -u, -v; /dev/shm), give fewer --workers, or compute in this process with --serial"
+        ) from e
+    with cluster, Client(cluster, set_as_default=False) as client:
         yield from _on(client, cluster.dashboard_link, patience_s, cluster.scale)
 
 
@@ -274,8 +281,13 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
 def remote_cluster(address: str, patience_s: float) -> Iterator[DaskExecutor]:
     """The cluster behind a scheduler's address. Raises ExecutorError where none answers."""
     _configure()
-    from distributed import Client
+    from distributed import Client, Security
 
+    if address.startswith("tls://") and Security().get_connection_args("client").get("ssl_context") is None:
+        raise ExecutorError(
+            f"{address} speaks TLS, and no certificate is configured here: set distributed.comm.tls in Dask's "
+            "configuration (docs/explanation/security.md)"
+        )
     try:
         client = Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as e:
