@@ -24,6 +24,9 @@ ALGORITHM = "waves-1"
 
 SEARCH = StageLayout(name="search", n_candidates=5, n_switches=10, block_candidates=2, block_switches=4)
 FINISH = StageLayout(name="finish", n_candidates=3, n_switches=12, block_candidates=1, block_switches=6)
+EXTENSION = StageLayout(name="extend1", n_candidates=2, n_switches=12, block_candidates=1, block_switches=6)
+"""What may be added after the end."""
+EXTENSION_WAVES = {8: 2}
 WAVES = {0: 4, 4: 1, 5: 2, 7: 1}
 """First candidate -> size, of every wave of the small campaign."""
 USED = {4: 7}
@@ -122,7 +125,7 @@ def record(i: int) -> dict[str, Any]:
 def wave_at(sizes: Layout, start: int) -> tuple[str, int, int]:
     """(stage, size, switches) of the wave that begins at a candidate."""
     stage, _ = sizes.stage_of(start)
-    return stage.name, WAVES[start], USED.get(start, stage.n_switches)
+    return stage.name, {**EXTENSION_WAVES, **WAVES}[start], USED.get(start, stage.n_switches)
 
 
 def proposals(sizes: Layout, start: int) -> list[dict[str, Any]]:
@@ -183,7 +186,7 @@ def recompute() -> Recompute:
     return Recompute(
         population=lambda config: population(),
         times_us=lambda config: layout().times_us,
-        waves=lambda config: list(WAVES.values()),
+        waves=lambda config: [*WAVES.values(), *config["campaign"].get("extensions", [])],
         proposals=lambda store, start, size: proposals(store.layout, start),
         block=lambda store, stage, i, j: block(store.layout, stage, i, j, switches(store.layout, stage, i)),
         record=lambda store, i: record(i),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -52,6 +53,9 @@ def test_the_written_population_is_one_that_runs_accept(calibration: Calibration
     text = (tmp_path / "lot.toml").read_text("utf-8")
     assert text.count("Cramér-von Mises") == 4
     assert text.count("#   alpha: ") == text.count("#   beta: ") == 2  # D and G have shapes, E and T are uniform
+    heads = [line for line in text.splitlines() if "Cramér-von Mises" in line]
+    sections = {head[2]: text.partition(head)[2].partition("Cramér-von Mises")[0] for head in heads}
+    assert {v: "alpha: " in below for v, below in sections.items()} == {"D": True, "G": True, "E": False, "T": False}
     assert json.loads(json.dumps(calibration.to_dict()))["n_devices"] == 60
 
 
@@ -128,6 +132,34 @@ def test_more_confidence_is_a_wider_interval_and_another_seed_another() -> None:
     )
     assert wide[0] < narrow[0] < narrow[1] < wide[1]
     assert wide != other
+
+
+def test_what_a_calibration_is_asked_reaches_every_fit() -> None:
+    m = read_measurements(EXAMPLE)
+    plain = calibrate(m, n_bootstrap=20, seed=4)
+    bounded = calibrate(m, n_bootstrap=20, seed=4, bounds={"D": (1.5, 3.5)})
+    assert (bounded.fits["D"].distribution.lower, bounded.fits["D"].distribution.upper) == (1.5, 3.5)
+    assert bounded.fits["G"] == plain.fits["G"]
+    low, high = plain.fits["D"].numbers["mean"].interval
+    lower, higher = calibrate(m, n_bootstrap=20, seed=4, confidence=0.999).fits["D"].numbers["mean"].interval
+    assert lower < low < high < higher
+    assert calibrate(m, n_bootstrap=20, seed=5).fits["D"].numbers["mean"].interval != (low, high)
+
+
+def test_bounds_may_be_the_extremes_and_not_one_value(tmp_path: Path) -> None:
+    m = read_measurements(EXAMPLE)
+    column = device_parameters(m)[:, 0]
+    calibrate(m, n_bootstrap=20, bounds={"D": (column.min(), column.max())})
+    with pytest.raises(MeasurementError, match="the bounds of D are"):
+        calibrate(m, n_bootstrap=20, bounds={"D": (column.max(), column.max())})
+
+
+def test_few_devices_are_drawn_in_five_bars() -> None:
+    few = read_measurements(EXAMPLE)
+    panels = calibrate(few, n_bootstrap=20).panels()
+    assert {len(p["density"]) for p in panels.values()} == {8}  # the root of 60
+    small = replace(calibrate(few, n_bootstrap=20), parameters=device_parameters(few)[:9])
+    assert {len(p["density"]) for p in small.panels().values()} == {5}
 
 
 def test_a_value_on_a_given_bound_is_taken_for_one_just_inside() -> None:

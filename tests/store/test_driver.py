@@ -13,7 +13,20 @@ import zarr
 from numpy.testing import assert_array_equal
 
 import small_store
-from small_store import FAILED, SEARCH, USED, block, create, layout, proposal, rows, run, run_wave, write_wave
+from small_store import (
+    FAILED,
+    SEARCH,
+    USED,
+    block,
+    block_digests,
+    create,
+    layout,
+    proposal,
+    rows,
+    run,
+    run_wave,
+    write_wave,
+)
 from softclose_store import (
     QUANTITIES,
     DamageError,
@@ -430,3 +443,38 @@ def test_rows_of_a_refused_wave_are_not_written_with_the_next_one(path):
         store.commit(wave[:2], {at: marker for at, marker in markers.items() if at[0] == 0})
     assert np.isnan(zarr.open_array(path / "records", mode="r")[2:]).all()
     assert not zarr.open_array(path / "digests", mode="r")[2:].any()
+
+
+def test_of_a_block_whose_marker_is_half_there_nothing_is_done(path):
+    with DriverStore(path) as store:
+        markers = write_wave(store, 0)
+        sizes = store.layout
+        blocks = sizes.wave_blocks(0, 4, 10)
+        expected = block_digests(sizes, 0, blocks)
+        torn = {place: marker.copy() for place, marker in markers.items()}
+        torn[blocks[1]][-1] = 0
+        with pytest.raises(RecordError, match="are not stored, or of other proposals"):
+            store.commit(rows(sizes, 0), torn)
+        store._blocks.marker = lambda stage, i, j: torn[i, j]
+        assert store.blocks_done("search", blocks[:2], expected[:2], check=False) == [True, False]
+
+
+def test_the_opening_looks_at_the_blocks_of_the_very_last_wave(path):
+    run(path)
+    with DriverStore(path) as store:
+        stage, local = store.layout.stage_of(7)
+        assert (stage.name, local) == ("finish", 2)
+    shard = path / "finish" / "x" / "c.2.0.0"
+    shard.write_bytes(bytes(len(shard.read_bytes())))
+    with pytest.raises(DamageError, match=r"block \(2, 0\) of stage finish"):
+        DriverStore(path)
+
+
+def test_one_wrong_digest_among_many_is_enough_to_refuse_a_wave(path):
+    with DriverStore(path) as store:
+        markers = write_wave(store, 0)
+        last = max(markers)
+        markers[last] = markers[last].copy()
+        markers[last][0] += np.uint64(1)
+        with pytest.raises(RecordError, match="of other proposals"):
+            store.commit(rows(store.layout, 0), markers)

@@ -10,7 +10,15 @@ from click.testing import CliRunner, Result
 
 from reported import empty_store
 from softclose_workflows.cli import main
-from softclose_workflows.tell.outputs import OutputError, check_file, make_folder, whole_file, write_text
+from softclose_workflows.tell.outputs import (
+    OutputError,
+    check_file,
+    default_name,
+    make_folder,
+    say_written,
+    whole_file,
+    write_text,
+)
 
 INTO_FILE = [
     ("report", "{store}", "-o", "{}"),
@@ -124,3 +132,27 @@ def test_a_place_that_fails_only_when_it_is_written_is_one_message_too(
 
 def test_an_ending_counts_in_either_case(tmp_path: Path) -> None:
     assert check_file(tmp_path / "A.SVG", "-o", [".svg"]) == tmp_path / "A.SVG"
+
+
+@pytest.mark.parametrize(
+    ("store", "name"),
+    [("runs/a.zarr", "a.html"), ("s3://bucket/night.zarr/", "night.html"), ("plain", "plain.html")]
+    + [(".zarr", "campaign.html"), ("/", "campaign.html")],
+)
+def test_an_output_without_a_name_is_called_after_its_store(store: str, name: str) -> None:
+    assert default_name(store, ".html") == name
+
+
+def test_a_folder_is_made_with_all_above_it_and_may_be_there(tmp_path: Path) -> None:
+    wanted = tmp_path / "a" / "b"
+    assert make_folder(wanted) == wanted
+    assert make_folder(wanted).is_dir()
+
+
+def test_what_was_written_is_said_with_its_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sizes = {"small": 1_499, "largest-small": 100_000, "large": 100_001, "larger": 7_140_000}
+    for name, size in sizes.items():
+        (tmp_path / name).write_bytes(bytes(size))
+    say_written([str(tmp_path / name) for name in sizes])
+    told = [line.partition(f"{tmp_path}/")[2] for line in capsys.readouterr().out.splitlines()]
+    assert told == ["small (1 kB)", "largest-small (100 kB)", "large (0.1 MB)", "larger (7.1 MB)"]

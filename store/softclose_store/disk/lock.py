@@ -91,24 +91,26 @@ class DriverLock:
         self._file: Path | None = None if local is None else Path(self._where) / LOCK_KEY
         self._files = None if self._file is not None else open_files(path, read_only=False)
         self._descriptor: int | None = None
-        self._text = b""
+        self._text: bytes | None = None
+        """What is ours behind a URL."""
 
     def acquire(self, *, break_lock: bool = False) -> None:
         """Take the lock; raises LockedError where a live driver holds it. break_lock takes it anyway."""
-        self._text = json.dumps(asdict(Holder.this_process())).encode()
+        text = json.dumps(asdict(Holder.this_process())).encode()
         if self._file is not None:
-            self._acquire_local(self._file, break_lock)
+            self._acquire_local(self._file, text, break_lock)
             return
         assert self._files is not None
         content = read_key(self._files, LOCK_KEY)
         holder = Holder.parse(content)
         if content and not break_lock and (holder is None or not holder.is_dead):
             raise self._refusal(holder)
-        write_key(self._files, LOCK_KEY, self._text)
-        if read_key(self._files, LOCK_KEY) != self._text:  # another driver took it in the same instant
+        write_key(self._files, LOCK_KEY, text)
+        if read_key(self._files, LOCK_KEY) != text:  # another driver took it in the same instant
             raise self._refusal(Holder.parse(read_key(self._files, LOCK_KEY)))
+        self._text = text
 
-    def _acquire_local(self, file: Path, break_lock: bool) -> None:
+    def _acquire_local(self, file: Path, text: bytes, break_lock: bool) -> None:
         if break_lock:
             with contextlib.suppress(FileNotFoundError):
                 file.unlink()  # a new file is a new lock; the old holder keeps one that nobody looks at
@@ -122,7 +124,7 @@ class DriverLock:
                 break
             os.close(descriptor)  # the file was replaced between opening and locking it
         os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, self._text, 0)
+        os.pwrite(descriptor, text, 0)
         self._descriptor = descriptor
 
     def still_held(self) -> bool:
@@ -130,7 +132,7 @@ class DriverLock:
         if self._file is not None:
             return self._descriptor is not None and _same_file(self._descriptor, self._file)
         assert self._files is not None
-        return read_key(self._files, LOCK_KEY) == self._text
+        return self._text is not None and read_key(self._files, LOCK_KEY) == self._text
 
     def check(self) -> None:
         """Raise LockedError once somebody has broken the lock: the store is theirs now."""
