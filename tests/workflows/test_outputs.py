@@ -136,8 +136,13 @@ def test_an_ending_counts_in_either_case(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("store", "name"),
-    [("runs/a.zarr", "a.html"), ("s3://bucket/night.zarr/", "night.html"), ("plain", "plain.html")]
-    + [(".zarr", "campaign.html"), ("/", "campaign.html")],
+    [
+        ("runs/a.zarr", "a.html"),
+        ("s3://bucket/night.zarr/", "night.html"),
+        ("plain", "plain.html"),
+        (".zarr", "campaign.html"),
+        ("/", "campaign.html"),
+    ],
 )
 def test_an_output_without_a_name_is_called_after_its_store(store: str, name: str) -> None:
     assert default_name(store, ".html") == name
