@@ -54,6 +54,14 @@ class DeviceModel(Protocol):
         ...
 
 
+def measured(*_: Any, **__: Any) -> Responses:
+    """In place of a model, where responses are measured. Raises ModelError whatever it is asked."""
+    raise ModelError(
+        "the responses of this campaign are measured (model.name is measured): nothing of it can be simulated; drive "
+        "it with softclose_workflows.api.Bench"
+    )
+
+
 def load_model(name: str) -> DeviceModel:
     """The device model of that name. Raises ModelError naming the nearest one."""
     return cast(DeviceModel, MODELS.load(name))

@@ -85,11 +85,14 @@ ENGINES = Plugin(
 SINGLE_MODE = "single-mode"
 """The model of Eqs. 1-2, `softclose.simulate`."""
 
+MEASURED = "measured"
+"""No model: a generator drives devices, and somebody measures how they close."""
+
 MODELS = Plugin(
     what="device model",
     group="softclose.models",
     key="model.name",
-    shipped={SINGLE_MODE: "softclose.ensemble:simulate"},
+    shipped={SINGLE_MODE: "softclose.ensemble:simulate", MEASURED: "softclose.device:measured"},
     error=ModelError,
 )
 """Whatever answers a waveform; see `softclose.device.DeviceModel`."""

@@ -14,7 +14,7 @@ from small_campaigns import COARSE, make_campaign
 from softclose import Observation, Problem, Proposal, Wave, Waveform
 from softclose.propose import plan, proposer
 from softclose.propose.sobol import sobol_points
-from softclose_store import DriverStore, open_campaign
+from softclose_store import DriverStore, StoreMissingError, open_campaign
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import tasks
 from softclose_workflows.run.campaign import Driver, Progress
@@ -226,3 +226,25 @@ def test_no_more_blocks_are_sent_than_the_workers_can_use_soon() -> None:
             )
         )
     assert client.sent == 2 * LIVE_PER_WORKER
+
+
+def test_a_block_that_fails_in_this_process_comes_back_with_its_failure(tmp_path: Path) -> None:
+    executor = SerialExecutor()
+    task = BlockTask(
+        store=str(tmp_path / "none.zarr"),
+        fingerprint="",
+        stage="search",
+        row=0,
+        column=0,
+        first=0,
+        start=0,
+        stop=1,
+        waveforms=(),
+        proposals_digest=0,
+    )
+    assert executor.next_event(0.0) is None
+    executor.submit(task)
+    event = executor.next_event(0.0)
+    assert event is not None
+    assert event[0] is task
+    assert isinstance(event[1], StoreMissingError)

@@ -21,6 +21,10 @@ class ExportError(ValueError):
     """An export that cannot be made as asked; nothing was written."""
 
 
+class BenchError(ValueError):
+    """A measurement that does not belong to its campaign, or a question that it cannot answer."""
+
+
 class Stopped(RuntimeError):
     """The campaign stopped before its end; what is committed is whole, and `resume` continues from there."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,7 +44,7 @@ class Best:
     """Switches that it was evaluated on."""
     waveform: FloatArray
     """(n_pulse, 4): start, rise, peak [µs] (inf where it holds) and volts."""
-    record: Mapping[str, Any]
+    record: Mapping[str, Any] = field(repr=False)
     """Every per-candidate value stored for it, by name."""
 
 

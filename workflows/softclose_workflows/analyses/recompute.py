@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Judged
+from softclose.plugins import MEASURED
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Problem
@@ -58,6 +59,8 @@ def replay(path: str, k: int, seed: int = 0) -> Replay:
         for wave in waves
         for place in campaign.layout.wave_blocks(wave.start, wave.size, wave.n_switches)
     ]
+    if config.model.name == MEASURED:  # nobody but the devices can say it again
+        every = []
     blocks = [every[int(j)] for j in sorted(rng.permutation(len(every))[:k])]
     chosen = sorted(int(w) for w in rng.permutation(len(waves))[:k])
     switches = campaign.switches()
@@ -151,6 +154,11 @@ def _proposals(store: DriverStore, start: int, size: int) -> Sequence[Mapping[st
 
 def _block(store: DriverStore, stage: str, row: int, column: int) -> dict[str, NDArray[Any]]:
     config = CampaignConfig.from_dict(store.config)
+    if config.model.name == MEASURED:
+        raise StoreError(
+            f"block ({row}, {column}) of stage {stage} in {store.path} was measured: nothing computes it again; "
+            "restore it from a copy"
+        )
     return _block_arrays(config, store.layout, store.population, store.records(), stage, row, column)
 
 

@@ -1,25 +1,11 @@
-"""Owns what `run` and `resume` share: open or create the store, run the campaign on an executor, print its result."""
+"""Owns what the commands `run` and `resume` share: a whole run, then its result in print."""
 
 from __future__ import annotations
 
-import contextlib
-import sys
-from collections.abc import Iterator
-from pathlib import Path
-
-import click
-
-from softclose import ALGORITHM
 from softclose.config import CampaignConfig
-from softclose_store import DamageError, DriverStore, StoreError, open_campaign, store_state, verify
-from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
-from softclose_workflows.run.campaign import Driver
-from softclose_workflows.run.creation import create_store
-from softclose_workflows.run.executors import Placement, open_executor
-from softclose_workflows.run.needs import check_run
-from softclose_workflows.run.progress import show_progress
-from softclose_workflows.run.runtime import runtime, say_changes
-from softclose_workflows.run.stopping import stop_on_signals
+from softclose_workflows.analyses.result import print_result
+from softclose_workflows.run import driving
+from softclose_workflows.run.executors import Placement
 
 
 def drive(
@@ -30,63 +16,6 @@ def drive(
     break_lock: bool = False,
     quiet: bool = False,
 ) -> None:
-    """Run the campaign in the store to its end and print the result.
-
-    config: create the store first where there is none. Nothing is written before the executor has started.
-    Raises Stopped where it ends earlier, also for a fault of the disk or of memory.
-    """
-    from softclose_workflows.analyses.result import print_result
-
-    with machine_faults():
-        _drive(path, placement, config=config, break_lock=break_lock, quiet=quiet)
+    """Run the campaign in the store to its end, as `run.driving.drive`, and print what came out."""
+    driving.drive(path, placement, config=config, break_lock=break_lock, quiet=quiet)
     print_result(path)
-
-
-def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, break_lock: bool, quiet: bool) -> None:
-    with stop_on_signals() as stop, contextlib.ExitStack() as stack:
-        state = store_state(path)
-        is_new = state.kind in ("absent", "unfinished")
-        whole = config if config is not None else CampaignConfig.from_dict(open_campaign(path).config)
-        check_run(whole, placement, path, committed=state.n_committed)
-        if config is not None and not is_new:
-            create_store(config, path)  # refuses whatever is not this very campaign
-        if not state.finished:
-            if config is None:
-                whole.check_plugins()
-            executor = stack.enter_context(open_executor(placement))
-            if config is not None and is_new:
-                create_store(config, path)
-            store = stack.enter_context(DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock))
-            say_changes(open_campaign(path).runtime)
-            store.note_run(runtime() | {"workers": executor.n_workers})
-            if executor.dashboard and not quiet:
-                click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
-            listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
-            with _still_there(path):
-                Driver(store, executor, stop=stop, listener=listener).run()
-        else:
-            _check_whole(path)
-
-
-@contextlib.contextmanager
-def _still_there(path: str) -> Iterator[None]:
-    """Say of a failure that the store was taken away under the run, where it was."""
-    try:
-        yield
-    except (Stopped, StoreError, OSError) as e:
-        if "://" not in path and not Path(path, "zarr.json").exists():
-            raise StoreGoneError(
-                f"{path} is gone: it was renamed or deleted while this run worked on it; where it is now it holds what "
-                f"was committed ({e})"
-            ) from e
-        raise
-
-
-def _check_whole(path: str) -> None:
-    """Raise DamageError where a finished store, which no driver opens any more, is damaged."""
-    problems = verify(path).problems
-    if problems:
-        places = f"{len(problems)} places" if len(problems) > 1 else "one place"
-        raise DamageError(
-            f"{path} is finished and damaged in {places} ({problems[0]}): run `softclose verify {path} --repair`"
-        )

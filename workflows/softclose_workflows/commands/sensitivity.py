@@ -16,26 +16,11 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
     """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices)."""
     from dataclasses import asdict
 
-    from softclose.uncertainty.sensitivity import sensitivity as analyse
-    from softclose_workflows.analyses.chosen import choose
-    from softclose_workflows.run.needs import check, of_ensemble
+    from softclose_workflows.analyses.drive_errors import sensitivity as run
     from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.plain import json_text
 
-    # One replicate is simulated at once: n points, and n for each of the four variables exchanged, twice over.
-    check(
-        of_ensemble(6 * max(points, 0)), f"{points:,} points of 4 variables", "lower --points; --replicates helps too"
-    )
-    chosen = choose(store, candidate)
-    found = analyse(
-        chosen.config.build_population(),
-        chosen.waveform,
-        n=points,
-        n_replicates=replicates,
-        seed=seed,
-        confidence=chosen.config.objective.confidence,
-        config=chosen.config,
-    )
+    chosen, found = run(store, candidate=candidate, points=points, replicates=replicates, seed=seed)
     if as_json:
         whole = {"store": store, "candidate": chosen.candidate, "why": chosen.why, **asdict(found)}
         click.echo(json_text(whole))

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
-
 import click
-
-if TYPE_CHECKING:
-    from softclose.uncertainty.tolerance import DriveError
 
 
 @click.command(
@@ -46,30 +40,20 @@ def tolerance(
     Each error by itself, on fresh switches: those of the certification, as many of them as asked for.
     Without any error given, a usual set of them.
     """
-    from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, drive_tolerance
-    from softclose_workflows.analyses.certify import fresh_switches
-    from softclose_workflows.analyses.chosen import choose
-    from softclose_workflows.run.needs import check_fresh
+    from softclose.uncertainty.tolerance import DriveError
+    from softclose_workflows.analyses.drive_errors import describe
+    from softclose_workflows.analyses.drive_errors import tolerance as run
     from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.plain import json_text, waveform_rows
     from softclose_workflows.tell.tables import with_interval
 
-    check_fresh(switches, 1)
-    chosen = choose(store, candidate)
     asked = [
         *(DriveError(gain=x) for x in gain),
         *(DriveError(gain_sd=x) for x in gain_sd),
         *(DriveError(jitter_us=x) for x in jitter),
         *(DriveError(slew_V_per_us=x) for x in slew),
     ]
-    rows = drive_tolerance(
-        fresh_switches(chosen.config.build_population(), switches, seed=chosen.seed),
-        chosen.waveform,
-        errors=asked or DEFAULT_ERRORS,
-        n_generators=generators,
-        seed=chosen.seed,
-        config=chosen.config,
-    )
+    chosen, rows = run(store, asked, candidate=candidate, n_switches=switches, n_generators=generators)
     if as_json:
         said = [
             {
@@ -113,17 +97,3 @@ def tolerance(
             f"{a.g_cm_s:.2f}",
         )
     wide_console().print(table)
-
-
-def describe(error: DriveError) -> str:
-    """`gain +1 %`, `perfect`, …"""
-    parts = []
-    if error.gain:
-        parts.append(f"gain {error.gain:+.2%}")
-    if error.gain_sd:
-        parts.append(f"gain ± {error.gain_sd:.2%} (sd)")
-    if error.jitter_us:
-        parts.append(f"jitter {error.jitter_us:g} µs (sd)")
-    if math.isfinite(error.slew_V_per_us):
-        parts.append(f"slew {error.slew_V_per_us:g} V/µs")
-    return ", ".join(parts) or "perfect"

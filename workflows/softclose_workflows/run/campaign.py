@@ -110,12 +110,12 @@ class Driver:
         if self.store.n_waves < len(self.waves):
             self.executor.probe(self.store.path, self.store.fingerprint)
         while self.store.n_waves < len(self.waves):
-            self._launch()
+            self.launch()
             if not self._flights:
                 raise Stopped(f"{self.stop.signal_name} received: what was in flight is committed")
-            self._advance()
+            self.advance()
 
-    def _launch(self) -> None:
+    def launch(self) -> None:
         """Propose and submit every wave that may start now."""
         while not self.stop:
             w = self.store.n_waves + len(self._flights)
@@ -176,7 +176,7 @@ class Driver:
             if result is not None:
                 flight.results[place] = result
 
-    def _advance(self) -> None:
+    def advance(self) -> None:
         """Wait for blocks, then commit every wave that is next in order and complete."""
         if self._flights[self.store.n_waves].missing:
             self._collect()

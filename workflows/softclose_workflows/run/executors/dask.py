@@ -271,7 +271,8 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
             reason = cause
         raise ExecutorError(
             f"no cluster of {workers} workers starts on this machine ({type(reason).__name__}: {reason}); look at its "
-            "limits (ulimit -n, -u, -v; /dev/shm), give fewer --workers, or compute in this process with --serial"
+            "limits (ulimit -n, -u, -v; /dev/shm), give fewer --workers, or compute in this process with --serial; in "
+            'a script, is the call under `if __name__ == "__main__":`?'
         ) from e
     with cluster, Client(cluster, set_as_default=False) as client:
         yield from _on(client, cluster.dashboard_link, patience_s, cluster.scale)

@@ -1,0 +1,170 @@
+"""Claims about ask and tell: measured responses are stored, judged and certified as simulated ones are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from campaigns import softclose
+from small_campaigns import COARSE, make_campaign
+from softclose import ModelError, Waveform, load_population, simulate
+from softclose.metrics.objective import CM_S, assess
+from softclose_store import open_campaign, verify
+from softclose_workflows import api
+from softclose_workflows.analyses.certification import CertifyError
+from softclose_workflows.analyses.certify import read_certification
+from softclose_workflows.api.bench import Bench
+from softclose_workflows.errors import BenchError
+
+LOT = load_population("current").sample(100, seed=99)
+DEVICES, FRESH = LOT[:20], LOT[20:]
+SETTINGS = ("optimiser.n_initial=4", "optimiser.n_candidates=64")
+
+
+def measure(waveform: Waveform, devices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a vibrometer would say: cm/s, and whether each is closed."""
+    response = simulate(devices, waveform)
+    return response.max_contact_speed * CM_S, response.closed
+
+
+def begin(path: Path, budget: int = 7) -> Bench:
+    return Bench(path, "current", devices=20, budget=budget, settings=SETTINGS)
+
+
+def finish(bench: Bench, n: int = 100) -> None:
+    while not bench.finished and n:
+        suggestion = bench.ask()
+        bench.tell(suggestion.candidate, *measure(suggestion.waveform, DEVICES))
+        n -= 1
+
+
+def test_what_is_told_is_on_record_with_its_intervals(tmp_path: Path) -> None:
+    with begin(tmp_path / "a.zarr") as bench:
+        for k in range(7):
+            suggestion = bench.ask()
+            assert bench.ask() == suggestion
+            assert (suggestion.candidate, suggestion.n_devices) == (k, 20)
+            told = bench.tell(k, *measure(suggestion.waveform, DEVICES))
+            assert told == assess(simulate(DEVICES, suggestion.waveform))
+        assert bench.finished
+        with pytest.raises(BenchError, match=r"all 7 candidates of .* are measured"):
+            bench.ask()
+    campaign = open_campaign(tmp_path / "a.zarr")
+    records = campaign.records()
+    assert records["g_cm_s"][6] == told.g_cm_s
+    assert (records["g_lower_cm_s"][6], records["p_nc_wilson_upper"][6]) == (
+        told.g_interval[0],
+        told.p_nc_intervals.wilson[1],
+    )
+    assert "trust-region" in records["origin"].tolist()  # the engine has learnt from what was told
+    assert verify(tmp_path / "a.zarr").ok
+
+
+def test_no_measurement_is_lost_and_the_campaign_goes_on_as_if_it_had_not_stopped(tmp_path: Path) -> None:
+    with begin(tmp_path / "whole.zarr") as bench:
+        finish(bench)
+    with begin(tmp_path / "cut.zarr") as bench:
+        finish(bench, 3)  # within the wave of the design
+    measured = []
+    for _ in range(4):
+        with Bench(tmp_path / "cut.zarr") as bench:
+            measured.append(bench.ask().candidate)
+            finish(bench, 1)
+    assert measured == [3, 4, 5, 6]
+    a, b = (open_campaign(tmp_path / name).records() for name in ("whole.zarr", "cut.zarr"))
+    for name in ("waveform", "g_cm_s", "origin"):
+        np.testing.assert_array_equal(a[name], b[name])
+
+
+def test_other_commands_read_it_and_none_simulates_it(tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    with begin(store) as bench:
+        finish(bench, 5)
+        bench.ask()
+    stopped = softclose("resume", str(store), "--serial")
+    assert stopped.returncode == 2
+    assert "the responses of this campaign are measured" in stopped.stderr
+    with Bench(store) as bench:
+        finish(bench)
+    for words in (["status"], ["report", "-o", str(tmp_path / "a.html")], ["export"], ["verify", "--replay", "3"]):
+        more = ["waveform", "-o", str(tmp_path / "w.csv")] if words == ["export"] else []
+        done = softclose(words[0], str(store), *words[1:], *more)
+        assert done.returncode == 0, done.stderr
+    for words in (["certify", "--switches", "300"], ["tolerance"], ["sensitivity", "--points", "16"]):
+        done = softclose(words[0], str(store), *words[1:])
+        assert done.returncode == 2, done.stdout
+        assert "api.Bench" in done.stderr
+    (damaged,) = [p for p in (store / "search" / "response").iterdir() if p.name == "c.6.0.0"]
+    damaged.write_bytes(b"")
+    done = softclose("verify", str(store), "--repair")
+    assert done.returncode != 0
+    assert "was measured: nothing computes it again" in done.stdout + done.stderr
+
+
+def test_a_certificate_is_measured_on_other_devices_and_counts_as_any(tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    with begin(store) as bench:
+        finish(bench)
+        best = bench.best
+        assert best is not None
+        drive = Waveform.from_rows(best.waveform)
+        found = bench.certify(*measure(drive, FRESH))
+        with pytest.raises(CertifyError, match="10 fresh switches certify nothing here"):
+            bench.certify(*measure(drive, FRESH[:10]))
+    assert found.best.candidate == best.candidate
+    assert found.best.assessment == assess(simulate(FRESH, drive))
+    again = read_certification(str(store))
+    assert again is not None
+    assert again.best.assessment.g_cm_s == found.best.assessment.g_cm_s
+    assert softclose("export", str(store), "waveform", "-o", str(tmp_path / "w.csv")).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("speeds", "closed", "status"),
+    [
+        (np.ones(19), None, None),
+        (np.ones((20, 1)), None, None),
+        (-np.ones(20), None, None),
+        (np.full(20, np.inf), None, None),
+        (np.full(20, np.nan), np.ones(20, dtype=bool), None),  # closed without a touch
+        (np.ones(20), np.ones(20), None),  # no truth values
+        (np.ones(20), np.ones(19, dtype=bool), None),
+        (np.ones(20), None, [1]),
+        ("fast", None, None),
+        (None, None, None),
+        ([1.0, "x"] * 10, None, None),
+    ],
+)
+def test_measurements_that_do_not_fit_are_refused_and_nothing_is_stored(
+    speeds: object, closed: object, status: object, tmp_path: Path
+) -> None:
+    with begin(tmp_path / "a.zarr") as bench:
+        with pytest.raises(BenchError, match="expected are 20 speeds of 0 cm/s or more"):
+            bench.tell(0, speeds, closed, status=status)
+        with pytest.raises(BenchError, match="candidate 3 is told, but 0 was asked for"):
+            bench.tell(3, np.ones(20))
+    with Bench(tmp_path / "a.zarr") as bench:
+        assert bench.ask().candidate == 0
+
+
+def test_a_lost_measurement_counts_as_not_closed(tmp_path: Path) -> None:
+    status = np.zeros(20, dtype=int)
+    status[:2] = 1
+    with begin(tmp_path / "a.zarr") as bench:
+        told = bench.tell(bench.ask().candidate, np.linspace(1.0, 20.0, 20), status=status)
+    assert (told.n_failed, told.n_contact, told.n_closed) == (2, 18, 18)
+    assert told.p_nc == 0.1
+    assert told.mean_cm_s == pytest.approx(np.linspace(1.0, 20.0, 20)[2:].mean())
+
+
+def test_a_bench_needs_a_campaign_of_its_own(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match="holds no campaign yet: give a preset"):
+        Bench(tmp_path / "a.zarr")
+    simulated = make_campaign(tmp_path / "b.zarr", *COARSE)
+    with pytest.raises(BenchError, match="holds a campaign of the device model single-mode"):
+        Bench(simulated)
+    with pytest.raises(ModelError, match="the responses of this campaign are measured"):
+        api.run("current", tmp_path / "c.zarr", settings=("model.name=measured",), serial=True)
+    assert not (tmp_path / "c.zarr").exists()

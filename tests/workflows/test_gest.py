@@ -1,0 +1,132 @@
+"""Claims about the generator of the gest-api standard: it proposes what the campaign itself would."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from gest_api import Generator
+from gest_api.vocs import VOCS
+
+from small_campaigns import make_campaign
+from softclose_store import open_campaign
+from softclose_workflows.api.gest import OBJECTIVE, SoftcloseGenerator
+
+SEARCH = (
+    "campaign.budget=9",
+    "population.n_switches=40",
+    "store.n_times=11",
+    "optimiser.n_initial=4",
+    "optimiser.batch=2",
+    "optimiser.n_candidates=64",
+    "explore.budget=0",
+    "finish.budget=0",
+)
+COLUMNS = (OBJECTIVE, "g_se_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact")
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return open_campaign(make_campaign(tmp_path_factory.mktemp("gest") / "a.zarr", *SEARCH)).records()
+
+
+def generator(*settings: str) -> SoftcloseGenerator:
+    chosen = (*SEARCH, *settings)
+    return SoftcloseGenerator(SoftcloseGenerator.vocs_of("current", chosen), "current", chosen)
+
+
+def results(points: list[dict[str, Any]], records: dict[str, Any]) -> list[dict[str, Any]]:
+    return [p | {name: records[name][p["_id"]] for name in COLUMNS} for p in points]
+
+
+def test_it_proposes_the_campaigns_own_waveforms(records: dict[str, Any]) -> None:
+    g = generator()
+    assert isinstance(g, Generator)
+    assert g.returns_id
+    sizes, seen = [], []
+    while len(seen) < 9:
+        points = g.suggest()
+        sizes.append(len(points))
+        for p in points:
+            rows = records["waveform"][p["_id"]]
+            np.testing.assert_allclose(g.waveform(p).rows(), rows[~np.isnan(rows).all(axis=1)], rtol=1e-9, atol=1e-9)
+        seen += [p["_id"] for p in points]
+        g.ingest(results(points, records)[::-1])  # in any order
+    assert seen == list(range(9))
+    assert sizes == [4, 2, 2, 1]
+    with pytest.raises(ValueError, match="the budget is spent"):
+        g.suggest()
+    g.finalize()
+
+
+def test_exactly_as_many_points_as_asked_for_or_an_error(records: dict[str, Any]) -> None:
+    g = generator()
+    first = g.suggest(3)
+    with pytest.raises(ValueError, match="3 points are asked for and 1 can be given: ingest results first"):
+        g.suggest(3)
+    g.ingest(results(first, records))
+    (last,) = g.suggest(1)
+    with pytest.raises(ValueError, match="no points"):
+        g.suggest()
+    g.ingest(results([last], records))
+    assert [p["_id"] for p in g.suggest(2)] == [4, 5]
+
+
+def test_points_lie_in_the_ranges_of_the_vocs(records: dict[str, Any]) -> None:
+    g = generator()
+    domains = {name: v.domain for name, v in SoftcloseGenerator.vocs_of("current", SEARCH).variables.items()}
+    for point in g.suggest():
+        assert set(point) == {*domains, "_id"}
+        assert all(low <= point[name] <= high for name, (low, high) in domains.items())
+
+
+def test_a_result_is_ingested_once_and_under_its_own_id(records: dict[str, Any]) -> None:
+    g = generator()
+    points = results(g.suggest(2), records)
+    g.ingest(points[:1])
+    for wrong in (points[:1], [points[1] | {"_id": 77}]):
+        with pytest.raises(ValueError, match="are not waited for"):
+            g.ingest(wrong)
+    failed = [points[1] | {OBJECTIVE: math.nan}]
+    g.ingest(failed)
+    assert g._told[points[1]["_id"]].failed
+    with pytest.raises(ValueError, match="were not suggested here"):
+        g.ingest([{name: value for name, value in points[0].items() if name != "_id"}])
+
+
+def test_what_others_evaluated_comes_first(records: dict[str, Any]) -> None:
+    g = generator()
+    theirs = results(g.suggest(2), records)
+    mine = generator()
+    mine.ingest([{name: value for name, value in p.items() if name != "_id"} for p in theirs])
+    rest = mine.suggest()
+    assert [p["_id"] for p in rest] == [2, 3]
+    mine.ingest(results(rest, records))
+    assert [o.g_cm_s for o in mine._history[:2]] == [p[OBJECTIVE] for p in theirs]
+    assert [o.origin for o in mine._history[:2]] == ["initial"] * 2
+
+
+def test_a_vocs_that_is_not_the_searchs_is_refused() -> None:
+    good = SoftcloseGenerator.vocs_of("current", SEARCH)
+    wrong = [
+        VOCS(variables={"x": [0.0, 1.0]}, objectives={OBJECTIVE: "MINIMIZE"}),
+        VOCS(variables=good.variables, objectives={OBJECTIVE: "MAXIMIZE"}),
+        VOCS(variables=good.variables, objectives={"a": "MINIMIZE", "b": "MINIMIZE"}),
+        VOCS(variables=good.variables, objectives=good.objectives, constraints={"c": ["LESS_THAN", 0.0]}),
+        VOCS(variables={**good.variables, "volts1": [0.0, 500.0]}, objectives=good.objectives),
+    ]
+    for vocs in wrong:
+        with pytest.raises(ValueError, match=r"this search has|are minimised|is minimised|its range is|part of g"):
+            SoftcloseGenerator(vocs, "current", SEARCH)
+
+
+def test_constants_and_a_name_of_ones_own_are_kept(records: dict[str, Any]) -> None:
+    good = SoftcloseGenerator.vocs_of("current", SEARCH)
+    vocs = VOCS(variables=good.variables, objectives={"loss": "MINIMIZE"}, constants={"lot": 7})
+    g = SoftcloseGenerator(vocs, "current", SEARCH)
+    points = g.suggest()
+    assert all(p["lot"] == 7 for p in points)
+    g.ingest([p | {"loss": float(records[OBJECTIVE][p["_id"]])} for p in points])
+    assert len(g._history) == 4

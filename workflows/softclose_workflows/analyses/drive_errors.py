@@ -1,0 +1,70 @@
+"""Owns questions about one waveform of a store: what errors of its generator do, what its spread comes from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from softclose.uncertainty.sensitivity import Sensitivity
+from softclose.uncertainty.sensitivity import sensitivity as analyse
+from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, DriveTolerance, drive_tolerance
+from softclose_workflows.analyses.certify import fresh_switches
+from softclose_workflows.analyses.chosen import Chosen, choose
+from softclose_workflows.run.needs import check, check_fresh, of_ensemble
+
+
+def tolerance(
+    path: str,
+    errors: Sequence[DriveError] = (),
+    *,
+    candidate: int | None = None,
+    n_switches: int = 20_000,
+    n_generators: int = 64,
+) -> tuple[Chosen, list[DriveTolerance]]:
+    """A waveform under each error by itself, by default a usual set of them, on the certification's fresh switches."""
+    check_fresh(n_switches, 1)
+    chosen = choose(path, candidate)
+    rows = drive_tolerance(
+        fresh_switches(chosen.config.build_population(), n_switches, seed=chosen.seed),
+        chosen.waveform,
+        errors=errors or DEFAULT_ERRORS,
+        n_generators=n_generators,
+        seed=chosen.seed,
+        config=chosen.config,
+    )
+    return chosen, list(rows)
+
+
+def sensitivity(
+    path: str, *, candidate: int | None = None, points: int = 512, replicates: int = 8, seed: int = 0
+) -> tuple[Chosen, Sensitivity]:
+    """Shares of the variance of V and of closing that come from each of D, G, E and T."""
+    # One replicate is simulated at once: n points, and n for each of the four variables exchanged, twice over.
+    check(
+        of_ensemble(6 * max(points, 0)), f"{points:,} points of 4 variables", "lower --points; --replicates helps too"
+    )
+    chosen = choose(path, candidate)
+    found = analyse(
+        chosen.config.build_population(),
+        chosen.waveform,
+        n=points,
+        n_replicates=replicates,
+        seed=seed,
+        confidence=chosen.config.objective.confidence,
+        config=chosen.config,
+    )
+    return chosen, found
+
+
+def describe(error: DriveError) -> str:
+    """`gain +1 %`, `perfect`, …"""
+    parts = []
+    if error.gain:
+        parts.append(f"gain {error.gain:+.2%}")
+    if error.gain_sd:
+        parts.append(f"gain ± {error.gain_sd:.2%} (sd)")
+    if error.jitter_us:
+        parts.append(f"jitter {error.jitter_us:g} µs (sd)")
+    if math.isfinite(error.slew_V_per_us):
+        parts.append(f"slew {error.slew_V_per_us:g} V/µs")
+    return ", ".join(parts) or "perfect"

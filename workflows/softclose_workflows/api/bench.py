@@ -1,0 +1,294 @@
+"""Owns ask and tell: a campaign whose responses are measured, with a real generator and a vibrometer in its loop.
+
+What is told is stored as what is simulated is: the same store, records, intervals and certificates. Every measurement
+is on the disk when `tell` returns.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from softclose import ALGORITHM
+from softclose.config import CampaignConfig, load_config
+from softclose.metrics.objective import CM_S, Assessment, Judged
+from softclose.plugins import ENGINES, MEASURED
+from softclose.waveform import Waveform
+from softclose_store import Best, DriverStore, open_campaign, store_state, write_block
+from softclose_workflows.analyses.certificates import write_certificate
+from softclose_workflows.analyses.certification import Certification, Request, assemble, assess_fresh, candidate_name
+from softclose_workflows.analyses.certify import check_size
+from softclose_workflows.errors import BenchError
+from softclose_workflows.run.campaign import Driver
+from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.executors.protocol import Event
+from softclose_workflows.run.runtime import runtime
+from softclose_workflows.run.tasks import PLACE, BlockResult, BlockTask
+
+SETTINGS = (
+    f"model.name={MEASURED}",
+    "optimiser.engine=skopt",
+    "optimiser.n_initial=10",
+    "optimiser.batch=1",
+    "explore.budget=0",
+    "finish.budget=0",
+    "population.sampling=monte-carlo",
+    "store.n_times=2",
+    "store.max_impacts=1",
+)
+"""What a bench asks for on top of a preset: tens of waveforms on a handful of devices, a Gaussian process, one at a
+time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suggestion:
+    """A waveform to try."""
+
+    candidate: int
+    """Its index in the campaign."""
+    waveform: Waveform
+    """What the generator should give; `softclose export` writes its files."""
+    n_devices: int
+    """Devices to measure it on."""
+
+
+class _Measurements:
+    """Stands where an executor does: blocks wait here until somebody has measured them."""
+
+    n_workers = 0
+    n_retries = 0
+    dashboard: str | None = None
+
+    def __init__(self) -> None:
+        self.waiting: deque[BlockTask] = deque()
+        self.told: deque[Event] = deque()
+
+    @property
+    def has_finished(self) -> bool:
+        return bool(self.told)
+
+    def probe(self, store: str, fingerprint: str) -> None:
+        """Devices are not asked whether they can."""
+
+    def submit(self, task: BlockTask) -> None:
+        self.waiting.append(task)
+
+    def next_event(self, timeout_s: float) -> Event | None:
+        return self.told.popleft() if self.told else None
+
+
+class Bench:
+    """A campaign on a test bench, open for its one driver. A context manager.
+
+    Parameters
+    ----------
+    store
+        Path or URL; created where there is none, continued otherwise.
+    source
+        Preset, TOML file or configuration to create it from; its space, limits and population are those of the search.
+        Not needed to continue.
+    devices, budget
+        Devices that each waveform is measured on, and waveforms in all; of a new campaign.
+    settings
+        Further `section.key=value`, after `SETTINGS`.
+
+    Raises
+    ------
+    BenchError
+        Where the store holds a campaign that is simulated, or a new one lacks `source`, `devices` or `budget`.
+    ConfigError, StoreError
+        As `load_config` and `DriverStore` do.
+    """
+
+    def __init__(
+        self,
+        store: str | os.PathLike[str],
+        source: Any = None,
+        *,
+        devices: int | None = None,
+        budget: int | None = None,
+        settings: Iterable[str] = (),
+    ) -> None:
+        path = os.fspath(store)
+        if store_state(path).kind in ("absent", "unfinished"):
+            if source is None or devices is None or budget is None:
+                raise BenchError(f"{path} holds no campaign yet: give a preset, the number of devices and a budget")
+            own = (f"population.n_switches={devices}", f"compute.block_switches={devices}", f"campaign.budget={budget}")
+            create_store(load_config(source, (*SETTINGS, *own, *settings)), path)
+        config = CampaignConfig.from_dict(open_campaign(path).config)
+        if config.model.name != MEASURED:
+            raise BenchError(
+                f"{path} holds a campaign of the device model {config.model.name}: what is measured needs a store of "
+                "its own (waveform.initial_from begins with the best candidates of another one)"
+            )
+        ENGINES.check(config.optimiser.engine)
+        self._measurements = _Measurements()
+        self._store = DriverStore(path, expected_algorithm=ALGORITHM)
+        self._store.note_run(runtime())
+        self._driver = Driver(self._store, self._measurements)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the store back; what was told is in it."""
+        self._store.close()
+
+    @property
+    def path(self) -> str:
+        """Path or URL of the store."""
+        return self._store.path
+
+    @property
+    def config(self) -> CampaignConfig:
+        """The campaign's configuration."""
+        return self._driver.config
+
+    @property
+    def finished(self) -> bool:
+        """True where the whole budget is measured."""
+        return self._store.n_committed == self.config.total_budget
+
+    @property
+    def best(self) -> Best | None:
+        """The best candidate of the committed waves; None before the first usable one."""
+        return open_campaign(self.path).best()
+
+    @property
+    def waveform(self) -> Waveform:
+        """The best candidate's. Raises BenchError before the first usable one is committed."""
+        if self.best is None:
+            raise BenchError(f"{self.path} has no usable candidate yet: tell some measurements first")
+        return Waveform.from_rows(self.best.waveform)
+
+    def ask(self) -> Suggestion:
+        """The next waveform to measure: the same one until it is told. Raises BenchError where the budget is spent."""
+        task = self._next()
+        return Suggestion(
+            candidate=task.first, waveform=Waveform.from_rows(task.waveforms[0]), n_devices=task.stop - task.start
+        )
+
+    def tell(
+        self,
+        candidate: int,
+        speeds_cm_s: ArrayLike,
+        closed: ArrayLike | None = None,
+        *,
+        status: ArrayLike | None = None,
+    ) -> Assessment:
+        """Store what was measured of the candidate that `ask` gave, and return its assessment (Eqs. 7-11).
+
+        Parameters
+        ----------
+        candidate
+            `Suggestion.candidate`.
+        speeds_cm_s
+            (n_devices,) largest impact speed of each device [cm/s], always in the same order of devices; NaN where it
+            never touched.
+        closed
+            (n_devices,) whether it was held closed at the end; by default, where it touched.
+        status
+            (n_devices,) other than 0 where a measurement is worth nothing; it counts as not closed.
+
+        Raises
+        ------
+        BenchError
+            Where the candidate is not the one asked for, or the numbers do not fit.
+        """
+        task = self._next()
+        if candidate != task.first:
+            raise BenchError(f"candidate {candidate} is told, but {task.first} was asked for: tell that one")
+        measured = _judged(speeds_cm_s, closed, status, task.stop - task.start)
+        marker = write_block(
+            task.store, task.stage, task.row, task.column, self._arrays(measured), task.proposals_digest
+        )
+        self._measurements.waiting.popleft()
+        result = BlockResult(
+            max_contact_speed=measured.max_contact_speed[np.newaxis],
+            closed=measured.closed[np.newaxis],
+            status=measured.status[np.newaxis],
+            marker=marker,
+            failures={},
+            simulate_s=0.0,
+            store_s=0.0,
+        )
+        self._measurements.told.append((task, result))
+        self._driver.advance()
+        return assess_fresh(measured, self.config)
+
+    def certify(
+        self, speeds_cm_s: ArrayLike, closed: ArrayLike | None = None, *, candidate: int | None = None, lot: int = 0
+    ) -> Certification:
+        """Certify a candidate, by default the best, by measurements of devices that it was not chosen on.
+
+        speeds_cm_s, closed: (n,) as `tell` takes them. lot: keeps certificates of equally many devices apart. It is
+        kept in the store as any other, and `export`, `report` and `compare` follow it. Raises CertifyError for too few
+        devices.
+        """
+        campaign, best = open_campaign(self.path), self.best
+        if best is None:
+            raise BenchError(f"{self.path} has no usable candidate yet: tell some measurements first")
+        index = best.candidate if candidate is None else candidate
+        n = np.size(speeds_cm_s)
+        check_size(self.config, n, 1)
+        name = candidate_name(index)
+        request = Request(
+            n_switches=n,
+            seed=lot,
+            top=1,
+            committed=campaign.committed,
+            incumbent=best.candidate,
+            candidates=(index,),
+            missing={"unshaped": "nothing but the candidate was measured"},
+        )
+        waveforms = {name: Waveform.from_rows(campaign.waveform(index))}
+        found = assemble(campaign, self.config, waveforms, {name: _judged(speeds_cm_s, closed, None, n)}, request)
+        write_certificate(self.path, found)
+        return found
+
+    def _next(self) -> BlockTask:
+        self._driver.launch()
+        if not self._measurements.waiting:
+            raise BenchError(
+                f"all {self.config.total_budget} candidates of {self.path} are measured: extend it, or stop"
+            )
+        return self._measurements.waiting[0]
+
+    def _arrays(self, measured: Judged) -> dict[str, NDArray[Any]]:
+        layout, n = self._store.layout, measured.closed.size
+        arrays: dict[str, NDArray[Any]] = {
+            name: np.full((1, n, *rest), np.nan, dtype=dtype) for name, (rest, dtype) in layout.block_arrays.items()
+        }
+        response = arrays["response"][0]
+        response[:, PLACE["max_contact_speed"]] = measured.max_contact_speed
+        response[:, PLACE["closed"]] = measured.closed
+        response[:, PLACE["status"]] = measured.status
+        return arrays
+
+
+def _judged(speeds_cm_s: ArrayLike, closed: ArrayLike | None, status: ArrayLike | None, n: int) -> Judged:
+    with contextlib.suppress(TypeError, ValueError):
+        speeds = np.asarray(speeds_cm_s, dtype=np.float64)
+        held = ~np.isnan(speeds) if closed is None else np.asarray(closed)
+        outcome = np.zeros(speeds.shape, dtype=np.int8) if status is None else np.asarray(status, dtype=np.int8)
+        fits = speeds.shape == held.shape == outcome.shape == (n,) and held.dtype == np.bool_
+        if fits and not np.isinf(speeds).any() and not (speeds < 0.0).any() and not (held & np.isnan(speeds)).any():
+            lost = outcome != 0
+            return Judged(max_contact_speed=np.where(lost, np.nan, speeds / CM_S), closed=held & ~lost, status=outcome)
+    raise BenchError(
+        f"the measurements are {speeds_cm_s!r}, closed {closed!r}; expected are {n} speeds of 0 cm/s or more, NaN "
+        "where a device never touched, and whether each is closed (True or False), which takes a touch"
+    )

@@ -1,0 +1,220 @@
+"""Owns the functions of the facade: the commands' own work, without their words at the terminal."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from softclose.config import load_config
+from softclose.population.calibrate import Calibration, write_calibration
+from softclose.population.calibrate import calibrate as fit_population
+from softclose.population.measurements import read_measurements
+from softclose.uncertainty.sensitivity import Sensitivity
+from softclose.uncertainty.tolerance import DriveError, DriveTolerance
+from softclose_store import open_campaign
+from softclose_workflows.analyses import drive_errors
+from softclose_workflows.analyses import rescore as rescoring
+from softclose_workflows.analyses.certification import Certification
+from softclose_workflows.analyses.certify import certify as certify_store
+from softclose_workflows.api.results import CampaignRun, Result, metrics
+from softclose_workflows.run import extension
+from softclose_workflows.run.driving import drive
+from softclose_workflows.run.executors import Placement
+from softclose_workflows.run.warm_start import warm_started
+from softclose_workflows.tell.outputs import check_file, default_name, whole_file, write_text
+
+Store = str | os.PathLike[str]
+
+
+def run(
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    store: Store,
+    *,
+    settings: Iterable[str] = (),
+    workers: int | None = None,
+    scheduler: str | None = None,
+    serial: bool = False,
+    break_lock: bool = False,
+    quiet: bool = True,
+) -> CampaignRun:
+    """Run a campaign to its end, or continue the one that the store holds, as `softclose run` does.
+
+    Parameters
+    ----------
+    source
+        Preset (`"current"`), TOML file, or a mapping of sections.
+    store
+        Path or URL.
+    settings
+        `section.key=value`, as `--set` takes them.
+    workers, scheduler, serial
+        Processes of a local cluster (default: one per core), the address of a Dask scheduler, or this process alone.
+
+    Raises
+    ------
+    ConfigError, StoreError
+        For what cannot be used, before anything is changed.
+    Stopped
+        Where it ends earlier; `resume` continues.
+    """
+    _check_main()
+    path = os.fspath(store)
+    config = warm_started(load_config(os.fspath(source) if isinstance(source, os.PathLike) else source, settings))
+    placement = Placement(workers=workers, scheduler=scheduler, serial=serial)
+    drive(path, placement, config=config, break_lock=break_lock, quiet=quiet)
+    return CampaignRun(path)
+
+
+def resume(
+    store: Store,
+    *,
+    budget: int | None = None,
+    retry_failed: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    serial: bool = False,
+    break_lock: bool = False,
+    quiet: bool = True,
+) -> CampaignRun:
+    """Continue a campaign, extend a finished one to `budget` candidates, or compute its failed ones again."""
+    _check_main()
+    path = os.fspath(store)
+    if budget is not None:
+        extension.extend(path, budget, break_lock=break_lock)
+    if retry_failed:
+        extension.retry_failed(path, break_lock=break_lock)
+    drive(path, Placement(workers=workers, scheduler=scheduler, serial=serial), break_lock=break_lock, quiet=quiet)
+    return CampaignRun(path)
+
+
+def open_run(store: Store) -> CampaignRun:
+    """A campaign that is there, growing or finished. Raises StoreMissingError where there is none."""
+    path = os.fspath(store)
+    open_campaign(path)
+    return CampaignRun(path)
+
+
+def certify(
+    store: Store, *, n_switches: int = 100_000, seed: int | None = None, top: int = 10, threads: int | None = None
+) -> Result[Certification]:
+    """Certify the best candidates on fresh switches and keep the certificate in the store, as `softclose certify`."""
+    path = os.fspath(store)
+    found = certify_store(path, n_switches=n_switches, seed=seed, top=top, threads=threads or os.cpu_count() or 1)
+    rows = [
+        {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.flattery_cm_s}
+        for d in (*found.candidates, *found.references)
+    ]
+    return Result(value=found, title=f"{path} on {found.n_switches:,} fresh switches", rows=rows)
+
+
+def rescore(
+    store: Store,
+    objective: Iterable[str] = (),
+    *,
+    closed_by_us: float | None = None,
+    impacts: str = "all",
+    impacts_until_us: float | None = None,
+) -> Result[list[rescoring.Rescored]]:
+    """Rank all candidates under another objective (`"level=0.99"`, `"c1_cm_s=50"`), without simulating."""
+    score = rescoring.Score(
+        objective=tuple(objective), closed_by_us=closed_by_us, impacts=impacts, impacts_until_us=impacts_until_us
+    )
+    path = os.fspath(store)
+    found = rescoring.rescore(path, score)
+    rows = [
+        {"candidate": r.candidate, "rank": r.rank, "before": r.rank_before, "switches": r.n_switches}
+        | metrics(r.assessment)
+        for r in found
+    ]
+    return Result(value=found, title=f"{path}, rescored", rows=rows)
+
+
+def tolerance(
+    store: Store,
+    errors: Sequence[DriveError] = (),
+    *,
+    candidate: int | None = None,
+    n_switches: int = 20_000,
+    n_generators: int = 64,
+) -> Result[list[DriveTolerance]]:
+    """How v_u and p_nc of a waveform move with errors of its generator; by default with a usual set of them."""
+    path = os.fspath(store)
+    chosen, found = drive_errors.tolerance(
+        path, errors, candidate=candidate, n_switches=n_switches, n_generators=n_generators
+    )
+    rows = [
+        {"generator": drive_errors.describe(r.error), **metrics(r.assessment)}
+        | {"change of v_u [cm/s]": r.v_u_shift_cm_s, "change of p_nc": r.p_nc_shift}
+        for r in found
+    ]
+    title = f"candidate {chosen.candidate} ({chosen.why}) of {path} on {n_switches:,} fresh switches"
+    return Result(value=found, title=title, rows=rows)
+
+
+def sensitivity(
+    store: Store, *, candidate: int | None = None, points: int = 512, replicates: int = 8, seed: int = 0
+) -> Result[Sensitivity]:
+    """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices)."""
+    path = os.fspath(store)
+    chosen, found = drive_errors.sensitivity(path, candidate=candidate, points=points, replicates=replicates, seed=seed)
+    rows = [
+        {
+            "of": {"v_cm_s": "V", "closed": "closing"}[i.output],
+            "from": i.variable,
+            "by itself": i.first,
+            "with interactions": i.total,
+        }
+        for i in found.indices
+    ]
+    title = f"candidate {chosen.candidate} ({chosen.why}) of {path}: shares of the variance"
+    return Result(value=found, title=title, rows=rows)
+
+
+def calibrate(
+    measurements: str | os.PathLike[str],
+    output: str | os.PathLike[str] | None = None,
+    *,
+    name: str | None = None,
+    **settings: Any,
+) -> Result[Calibration]:
+    """Fit a population to a CSV of device measurements; output: the TOML that `population.name` takes.
+
+    settings: `bounds`, `plate_area_um2`, `n_bootstrap`, `confidence` and `seed` of `softclose.population.calibrate`.
+    """
+    source = Path(measurements)
+    target = None if output is None else check_file(Path(output), "output", [".toml"])
+    found = fit_population(read_measurements(source), name=name or (target or source).stem, **settings)
+    if target is not None:
+        with whole_file(target, "output") as partial:
+            write_calibration(found, partial)
+    rows = [
+        {"variable": v, "number": number, "value": e.value, "lower": e.interval[0], "upper": e.interval[1]}
+        | {"p of the fit": f.p_value}
+        for v, f in found.fits.items()
+        for number, e in f.numbers.items()
+    ]
+    return Result(value=found, title=f"population fitted to {source.name}", rows=rows, notes=found.notes)
+
+
+def report(store: Store, output: str | os.PathLike[str] | None = None) -> Path:
+    """Write the self-contained HTML page about a campaign; returns where it is."""
+    from softclose_workflows.report.gather import gather
+    from softclose_workflows.report.page import render_report
+
+    path = os.fspath(store)
+    target = check_file(Path(default_name(path, ".html") if output is None else output), "output")
+    write_text(target, render_report(gather(path)), "output")
+    return target
+
+
+def _check_main() -> None:
+    """A worker that imports the user's script would run it again, and start workers of its own."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        sys.stderr.write(
+            'softclose: workers import the script that starts them: put its calls under `if __name__ == "__main__":`\n'
+        )
+        os._exit(1)

@@ -1,0 +1,135 @@
+"""Owns what Python gets back: an object with the numbers, a short `repr`, and a table in a notebook."""
+
+from __future__ import annotations
+
+import html
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from softclose.metrics.objective import Assessment
+from softclose.waveform import Waveform
+from softclose_store import Campaign, open_campaign
+from softclose_workflows.tell.plain import waveform_rows
+from softclose_workflows.tell.standing import Standing, read_standing
+from softclose_workflows.tell.tables import describe_waveform
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+T = TypeVar("T")
+
+MOST_ROWS = 10
+"""Rows that are shown; `rows` and `to_frame()` have all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Result(Generic[T]):
+    """What an analysis found."""
+
+    value: T
+    """The analysis's own result."""
+    title: str
+    """What it is, in one line."""
+    rows: Sequence[Mapping[str, Any]]
+    """One mapping of plain values a row: name with its unit -> value."""
+    notes: tuple[str, ...] = ()
+    """What a reader should know beside the table."""
+
+    def to_frame(self) -> pd.DataFrame:
+        """The rows as a pandas frame; pandas is asked for here only."""
+        import pandas as pd
+
+        return pd.DataFrame([dict(row) for row in self.rows])
+
+    def __repr__(self) -> str:
+        names = list(self.rows[0]) if self.rows else []
+        cells = [names, *([_shown(row[name]) for name in names] for row in self.rows[:MOST_ROWS])]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = ["  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+        return "\n".join([self.title, *lines, *self._more(), *self.notes])
+
+    def _repr_html_(self) -> str:
+        names = list(self.rows[0]) if self.rows else []
+        head = "".join(f"<th>{html.escape(name)}</th>" for name in names)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(_shown(row[name]))}</td>" for name in names) + "</tr>"
+            for row in self.rows[:MOST_ROWS]
+        )
+        below = "".join(f"<p>{html.escape(line)}</p>" for line in (*self._more(), *self.notes))
+        return (
+            f"<table><caption>{html.escape(self.title)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
+            f"</table>{below}"
+        )
+
+    def _more(self) -> list[str]:
+        left = len(self.rows) - MOST_ROWS
+        return [f"… and {left} more rows (to_frame())"] if left > 0 else []
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class CampaignRun(os.PathLike[str]):
+    """A campaign in its store: a path to every function that takes one."""
+
+    store: str
+    """Path or URL."""
+
+    def __fspath__(self) -> str:
+        return self.store
+
+    @property
+    def standing(self) -> Standing:
+        """Where it stands now: candidates, failures, the best."""
+        return read_standing(self.store)
+
+    @property
+    def campaign(self) -> Campaign:
+        """The reader of all that is stored."""
+        return open_campaign(self.store)
+
+    @property
+    def waveform(self) -> Waveform:
+        """The best candidate's. Raises ValueError before there is one."""
+        best = self.standing.best
+        if best is None:
+            raise ValueError(f"{self.store} has no usable candidate yet: let the campaign run first")
+        return Waveform.from_rows(best.waveform)
+
+    def __repr__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _repr_html_(self) -> str:
+        first, *rest = map(html.escape, self._lines())
+        return "<br>".join([f"<strong>{first}</strong>", *rest])
+
+    def _lines(self) -> list[str]:
+        s = self.standing
+        lines = [f"{s.name}: {s.committed} of {s.budget} candidates in {self.store}"]
+        if s.best is not None:
+            b = s.best
+            lines.append(
+                f"best: candidate {b.candidate}, g {b.g_cm_s:.2f} cm/s, v_u {b.v_u_cm_s:.2f} cm/s, p_nc {b.p_nc:.4f} "
+                f"on {b.n_switches:,} switches"
+            )
+            lines += describe_waveform(waveform_rows(b.waveform)).splitlines()
+        return lines
+
+
+def metrics(a: Assessment) -> dict[str, float]:
+    """The columns that every table of designs has."""
+    return {
+        "g [cm/s]": a.g_cm_s,
+        "g lower": a.g_interval[0],
+        "g upper": a.g_interval[1],
+        "v_u [cm/s]": a.v_u_cm_s,
+        "mean V [cm/s]": a.mean_cm_s,
+        "p_nc": a.p_nc,
+    }
+
+
+def _shown(value: Any) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return "–" if math.isnan(value) else f"{value:.4f}" if abs(value) < 1.0 else f"{value:.2f}"
