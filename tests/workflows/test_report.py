@@ -20,7 +20,7 @@ from softclose.waveform import Pulse, Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
-from softclose_workflows.report import packed, shapes
+from softclose_workflows.report import charts, packed, shapes, summary
 from softclose_workflows.report.data import ReportData, Traces
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
@@ -251,6 +251,36 @@ def test_best_so_far_starts_afresh_with_a_larger_ensemble(data: ReportData) -> N
     candidates = dataclasses.replace(data.candidates, columns=columns, n_switches=sizes, failed=np.zeros(n, dtype=bool))
     c = shapes.convergence(dataclasses.replace(data, candidates=candidates))
     assert c.best_cm_s.tolist() == [*g[:-2].tolist(), 25.0, 24.0]
+    assert c.larger == ((n - 2, 600),)
+    assert c.steps.tolist() == list(range(n))  # it changes with every candidate here
+    flat = dataclasses.replace(c, best_cm_s=np.array([9.0, 9.0, 8.0, 8.0, 8.0]))
+    assert flat.steps.tolist() == [0, 2, 4]
+    chart = charts.convergence(dataclasses.replace(data, candidates=candidates))
+    (mark,) = chart["layout"]["annotations"]
+    assert (mark["x"], mark["text"]) == (n - 2, "600 switches from here ")
+
+
+def test_candidates_on_the_largest_ensemble_come_first_and_a_page_lists_so_many(
+    data: ReportData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    n = len(data.candidates)
+    sizes = np.full(n, 60)
+    sizes[2:4] = 600
+    candidates = dataclasses.replace(data.candidates, n_switches=sizes)
+    changed = dataclasses.replace(data, candidates=candidates)
+    order = [row["index"] for row in summary.candidate_rows(changed)]
+    g = data.candidates.columns["g_cm_s"]
+    assert order == [*sorted((2, 3), key=lambda i: g[i]), *sorted({*range(n)} - {2, 3}, key=lambda i: g[i])]
+    monkeypatch.setattr(summary, "MOST_ROWS", 3)
+    page = render_report(changed)
+    assert [int(i) for i in re.findall(r'<tr [^>]*data-candidate="(\d+)"', page)] == order[:3]
+    assert f"The 3 best of {n}; " in page
+    assert "Those on the largest ensemble come first" in page
+
+
+def test_a_page_is_small() -> None:
+    page = render_report(gather(hostile_store()))
+    assert len(page.encode()) < 2_000_000
 
 
 def test_a_failed_candidate_is_listed_with_its_reason_and_breaks_nothing(data: ReportData) -> None:

@@ -44,6 +44,10 @@ def axis(title: str, **more: Any) -> dict[str, Any]:
     } | more
 
 
+MOST_INTERVALS = 1000
+"""Candidates of one kind whose intervals are drawn: more of them are a grey wall, and half of the page."""
+
+
 def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
     """One panel in the house style."""
     return {
@@ -317,8 +321,8 @@ def convergence(data: ReportData) -> Chart:
     traces: list[Chart] = [
         {
             "name": "best so far",
-            "x": numbers(c.index, 6),
-            "y": numbers(c.best_cm_s),
+            "x": numbers(c.index[c.steps], 6),
+            "y": numbers(c.best_cm_s[c.steps]),
             "mode": "lines",
             "line": {"color": "@ink", "width": 1.8, "shape": "hv"},
             "hovertemplate": "best so far %{y:.2f} cm/s<extra></extra>",
@@ -336,15 +340,21 @@ def convergence(data: ReportData) -> Chart:
                 "y": numbers(c.g_cm_s[which]),
                 "mode": "markers",
                 "marker": {"color": colour, "symbol": symbol, "size": 7},
-                "error_y": {
-                    "type": "data",
-                    "symmetric": False,
-                    "array": numbers((top - c.g_cm_s)[which]),
-                    "arrayminus": numbers((c.g_cm_s - c.lower_cm_s)[which]),
-                    "thickness": 1,
-                    "width": 0,
-                    "color": f"{colour}/0.55",
-                },
+                **(
+                    {}
+                    if which.sum() > MOST_INTERVALS
+                    else {
+                        "error_y": {
+                            "type": "data",
+                            "symmetric": False,
+                            "array": numbers((top - c.g_cm_s)[which]),
+                            "arrayminus": numbers((c.g_cm_s - c.lower_cm_s)[which]),
+                            "thickness": 1,
+                            "width": 0,
+                            "color": f"{colour}/0.55",
+                        }
+                    }
+                ),
                 "hovertemplate": "candidate %{x}: g %{y:.2f} cm/s<extra>" + name + "</extra>",
             }
         )
@@ -354,7 +364,7 @@ def convergence(data: ReportData) -> Chart:
                 "name": "above the axis",
                 "x": numbers(c.index[over], 6),
                 "mode": "markers",
-                "y": [c.ceiling_cm_s] * int(over.sum()),
+                "y": [round(c.ceiling_cm_s, 3)] * int(over.sum()),
                 "marker": {"color": "@unshaped", "symbol": "triangle-up-open", "size": 7},
                 "customdata": numbers(c.g_cm_s[over]),
                 "hovertemplate": "candidate %{x}: g %{customdata:.2f} cm/s<extra></extra>",
@@ -380,6 +390,16 @@ def convergence(data: ReportData) -> Chart:
             showlegend=True,
             height=400,
             clickmode="event",
+            shapes=[
+                {"type": "line", "x0": i, "x1": i, "yref": "paper", "y0": 0, "y1": 1}
+                | {"line": {"color": "@muted", "width": 1, "dash": "dot"}}
+                for i, _ in c.larger
+            ],
+            annotations=[
+                {"x": i, "yref": "paper", "y": 1, "yanchor": "top", "xanchor": "right", "showarrow": False}
+                | {"text": f"{n:,} switches from here ", "font": {"color": "@muted", "size": 12}}
+                for i, n in c.larger
+            ],
         ),
         "alt": "Objective g of every candidate with its interval, and the best so far"
         + (f", which falls from {c.best_cm_s[0]:.1f} to {c.best_cm_s[-1]:.1f} cm/s." if c.g_cm_s.size else "."),

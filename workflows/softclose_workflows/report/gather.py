@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 N_BEST_TRACES = 150
 """Switches of the best candidate whose motion is drawn: more of them only make the picture darker."""
 
-MAX_PICKS = 250
+MAX_PICKS = 30
 """Candidates that a reader may pick; of a longer campaign those of smallest g."""
 
 ENDS = ("_lower", "_upper", "_lower_cm_s", "_upper_cm_s")
 """How columns end that are ends of intervals."""
 
-_PICK_SAMPLES = 450_000
-"""Samples of x and v carried for all picks together: 1.2 MB of page."""
+_PICK_SAMPLES = 50_000
+"""Samples of x and v carried for all picks together: 0.13 MB of page."""
 
 
 def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData:
@@ -113,7 +113,8 @@ def _waveform(rows: FloatArray) -> Waveform | None:
 def _picks(candidates: Candidates, best: int | None) -> list[int]:
     """Candidates that a reader may pick, in order of their index."""
     usable = np.flatnonzero(~candidates.failed & np.isfinite(candidates.columns["g_cm_s"]))
-    order = usable[np.argsort(candidates.columns["g_cm_s"][usable], kind="stable")][:MAX_PICKS]
+    # Those on the largest ensemble first, as in the table.
+    order = usable[np.lexsort((candidates.columns["g_cm_s"][usable], -candidates.n_switches[usable]))][:MAX_PICKS]
     return sorted({int(i) for i in order} | ({best} if best is not None else set()))
 
 

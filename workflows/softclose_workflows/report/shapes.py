@@ -75,6 +75,16 @@ class Convergence:
     """Top of an axis that shows the progress; candidates above it are drawn at it."""
     failed: FloatArray
     """Indices without a g."""
+    larger: tuple[tuple[int, int], ...]
+    """(candidate, switches) from which on a larger ensemble is used, where one follows a smaller one."""
+
+    @property
+    def steps(self) -> FloatArray:
+        """(m,) places where the best so far begins, changes and ends: its line needs no others."""
+        if not self.best_cm_s.size:
+            return np.empty(0, dtype=np.intp)
+        changes = np.flatnonzero(np.diff(self.best_cm_s)) + 1
+        return np.unique([0, *changes, self.best_cm_s.size - 1])
 
 
 def convergence(data: ReportData) -> Convergence:
@@ -83,9 +93,12 @@ def convergence(data: ReportData) -> Convergence:
     usable = np.flatnonzero(np.isfinite(c["g_cm_s"]) & ~data.candidates.failed)
     g = c["g_cm_s"][usable]
     best, lowest, largest = np.empty(len(g)), math.inf, 0
+    larger = []
     for place, i in enumerate(usable):
         n = int(data.candidates.n_switches[i])
         if n > largest:
+            if largest:
+                larger.append((int(i), n))
             lowest, largest = math.inf, n
         if n == largest:
             lowest = min(lowest, float(g[place]))
@@ -103,6 +116,7 @@ def convergence(data: ReportData) -> Convergence:
         best_cm_s=best,
         ceiling_cm_s=ceiling,
         failed=np.setdiff1d(np.arange(len(data.candidates)), usable).astype(np.float64),
+        larger=tuple(larger),
     )
 
 
