@@ -88,6 +88,7 @@ COMMANDS = (
     "resume",
     "run",
     "sensitivity",
+    "serve",
     "status",
     "study",
     "tolerance",

@@ -13,13 +13,16 @@ import json
 import math
 from functools import lru_cache
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from softclose import __version__
 from softclose_workflows.report import charts, packed, shapes
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.summary import candidate_rows, headline, metrics, provenance
 from softclose_workflows.tell import labels
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 def render_report(data: ReportData) -> str:
@@ -50,25 +53,51 @@ def render_report(data: ReportData) -> str:
 
 def render(template: str, *, payload: dict[str, Any], **context: Any) -> str:
     """One of the page templates, with the scripts, the style and the data inlined."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(
+    library, script = _library(), _asset("page.js")
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            library=Markup(library),
+            script=Markup(script),
+            style=Markup(_roles() + _asset("page.css")),
+            payload=Markup(_json(payload)),
+            script_digests=[_digest(library), _digest(script)],
+            version=__version__,
+            **context,
+        )
+    )
+
+
+def render_live() -> str:
+    """The page of `softclose serve`, which asks its server, and nobody else, for what it shows."""
+    from markupsafe import Markup
+
+    script = _asset("live.js")
+    return (
+        _environment()
+        .get_template("live.html.j2")
+        .render(
+            script=Markup(script),
+            style=Markup(_roles() + _asset("page.css")),
+            script_digests=[_digest(script)],
+            version=__version__,
+        )
+    )
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
         loader=PackageLoader("softclose_workflows.report", "assets"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-    )
-    library, script, style = _library(), _asset("page.js"), _asset("page.css")
-    return environment.get_template(template).render(
-        library=Markup(library),
-        script=Markup(script),
-        style=Markup(_roles() + style),
-        payload=Markup(_json(payload)),
-        script_digests=[_digest(library), _digest(script)],
-        version=__version__,
-        **context,
     )
 
 

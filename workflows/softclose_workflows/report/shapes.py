@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.propose.dependence import Dependence
 from softclose.waveform import FloatArray
@@ -92,17 +94,7 @@ def convergence(data: ReportData) -> Convergence:
     c = data.candidates.columns
     usable = np.flatnonzero(np.isfinite(c["g_cm_s"]) & ~data.candidates.failed)
     g = c["g_cm_s"][usable]
-    best, lowest, largest = np.empty(len(g)), math.inf, 0
-    larger = []
-    for place, i in enumerate(usable):
-        n = int(data.candidates.n_switches[i])
-        if n > largest:
-            if largest:
-                larger.append((int(i), n))
-            lowest, largest = math.inf, n
-        if n == largest:
-            lowest = min(lowest, float(g[place]))
-        best[place] = lowest
+    best, larger = best_so_far(usable, g, data.candidates.n_switches[usable])
     ceiling = 1.0
     if len(g):
         low = float(g.min())
@@ -116,8 +108,28 @@ def convergence(data: ReportData) -> Convergence:
         best_cm_s=best,
         ceiling_cm_s=ceiling,
         failed=np.setdiff1d(np.arange(len(data.candidates)), usable).astype(np.float64),
-        larger=tuple(larger),
+        larger=larger,
     )
+
+
+def best_so_far(
+    index: NDArray[np.intp], g: FloatArray, n_switches: NDArray[Any]
+) -> tuple[FloatArray, tuple[tuple[int, int], ...]]:
+    """(n,) smallest g so far among candidates of the same or a larger ensemble, and where a larger one begins.
+
+    index, g, n_switches: (n,) candidates that have a g, in order. Also (candidate, switches) of each larger ensemble.
+    """
+    best, lowest, largest = np.empty(len(g)), math.inf, 0
+    larger = []
+    for place, n in enumerate(map(int, n_switches)):
+        if n > largest:
+            if largest:
+                larger.append((int(index[place]), n))
+            lowest, largest = math.inf, n
+        if n == largest:
+            lowest = min(lowest, float(g[place]))
+        best[place] = lowest
+    return best, tuple(larger)
 
 
 def length_scales(data: ReportData) -> dict[str, FloatArray]:

@@ -1,0 +1,148 @@
+"""Claims about the live page: it follows the stores of a folder in a real browser, and lets nobody else in."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+import urllib.request
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from campaigns import command, softclose
+from reported import HOSTILE, chromium, hostile_store
+from small_campaigns import COARSE, finish, make_campaign
+from softclose_workflows.report.live import Folder, Server
+from test_report_browser import ARGUMENTS, Visit
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    with Server(tmp_path) as found:
+        thread = threading.Thread(target=found.serve_forever, args=(0.05,))
+        thread.start()
+        yield found
+        found.shutdown()
+        thread.join()
+
+
+def get(server: Server, path: str, method: str = "GET", **headers: str) -> tuple[int, bytes]:
+    with closing(http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=30)) as connection:
+        connection.putrequest(method, path, skip_host="Host" in headers)
+        for name, value in headers.items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        return answer.status, answer.read()
+
+
+def first_event(server: Server) -> list[dict[str, Any]]:
+    with urllib.request.urlopen(server.address + "events", timeout=30) as stream:
+        return json.loads(stream.readline().removeprefix(b"data: "))
+
+
+def test_a_folder_is_its_stores_as_they_stand(tmp_path: Path) -> None:
+    make_campaign(tmp_path / "a.zarr", *COARSE)
+    growing = make_campaign(tmp_path / "b.zarr", *COARSE, run=False)
+    (tmp_path / "c.zarr").mkdir()
+    (tmp_path / "c.zarr" / "zarr.json").write_text("{")
+    (tmp_path / "notes").mkdir()
+    folder = Folder(tmp_path)
+    a, b, c = folder.states()
+    assert (a.store, a.committed, a.budget, a.driver) == ("a.zarr", 8, 8, "")
+    assert a.best is not None
+    assert a.history[1] == sorted(a.history[1], reverse=True)
+    assert a.history[1][-1] == pytest.approx(a.best["g_cm_s"], abs=1e-4)
+    assert (b.committed, b.best, b.history) == (0, None, ([], []))
+    assert "softclose verify" in c.problem
+    finish(Path(growing))
+    assert [s.committed for s in folder.states()[:2]] == [8, 8]
+    shutil.rmtree(tmp_path / "a.zarr")
+    assert [s.store for s in folder.states()] == ["b.zarr", "c.zarr"]
+    assert [s.store for s in Folder(tmp_path / "b.zarr").states()] == ["b.zarr"]
+
+
+def test_the_server_tells_and_changes_nothing(server: Server, tmp_path: Path) -> None:
+    make_campaign(tmp_path / "a b.zarr", *COARSE)
+    (state,) = first_event(server)
+    assert (state["store"], state["report"]) == ("a b.zarr", "report/a%20b.zarr")
+    status, page = get(server, "/report/a%20b.zarr")
+    assert (status, page[:15]) == (200, b"<!doctype html>")
+    assert get(server, "/")[0] == 200
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    for method in ("POST", "PUT", "DELETE", "PATCH"):
+        assert get(server, "/report/a%20b.zarr", method)[0] == 501
+    assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
+
+
+@pytest.mark.parametrize(
+    "path", ["/report/../a.zarr", "/report/%2e%2e/secret", "/report//etc/passwd", "/a.zarr/zarr.json", "/report/", "/x"]
+)
+def test_nothing_outside_the_folder_s_own_listing_is_served(path: str, server: Server, tmp_path: Path) -> None:
+    (tmp_path.parent / "secret").mkdir(exist_ok=True)
+    assert get(server, path)[0] == 404
+
+
+def test_another_host_s_page_is_refused_and_only_loopback_listens(server: Server) -> None:
+    for host in ("evil.example", f"evil.example:{server.server_port}", ""):
+        assert get(server, "/events", Host=host)[0] == 403
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_the_command_says_where_it_is_and_ends_with_ctrl_c(tmp_path: Path) -> None:
+    with subprocess.Popen(command("serve", str(tmp_path), "--port", "0"), stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        address = line.split()[1]
+        with urllib.request.urlopen(address, timeout=30) as page:
+            assert b"Campaigns" in page.read()
+        with urllib.request.urlopen(address + "events", timeout=30) as stream:
+            assert stream.readline() == b"data: []\n"
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=20) == 0
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        done = softclose("serve", str(tmp_path), "--port", str(taken.getsockname()[1]))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "--port 0" in done.stderr
+    assert softclose("serve", str(tmp_path / "none")).returncode == 2
+
+
+@pytest.mark.skipif(chromium() is None, reason="needs chromium, which is not installed")
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_page_follows_a_campaign_in_a_browser(theme: str, server: Server, tmp_path: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    shutil.copytree(hostile_store(), tmp_path / "hostile.zarr")
+    path = Path(make_campaign(tmp_path / "night.zarr", *COARSE, run=False))
+    with playwright.sync_playwright() as p:
+        browser = p.chromium.launch_persistent_context(
+            tmp_path.parent / f"profile-{theme}",
+            executable_path=chromium(),
+            headless=True,
+            args=ARGUMENTS,
+            viewport={"width": 390, "height": 800},
+            color_scheme=theme,
+        )
+        visit = Visit(browser.pages[0])
+        visit.page.goto(server.address)
+        visit.until("() => document.querySelectorAll('.campaign').length === 2")
+        assert visit.page.inner_text("[data-store='hostile.zarr'] .lead") == HOSTILE
+        assert visit.page.get_attribute("[data-store='night.zarr']", "data-committed") == "0"
+        finish(path)
+        visit.until("() => document.querySelector(\"[data-store='night.zarr']\").dataset.committed === '8'")
+        assert "finished · 8 of 8 candidates" in visit.page.inner_text("[data-store='night.zarr']")
+        assert visit.page.evaluate("() => document.documentElement.scrollWidth <= 390")
+        visit.page.click("[data-store='night.zarr'] a")
+        visit.page.wait_for_selector("html[data-ready] #fig-convergence .main-svg", state="attached", timeout=60_000)
+        assert visit.said == []
+        assert all(url.startswith((server.address, "blob:", "data:")) for url in visit.requests), visit.requests
+        browser.close()

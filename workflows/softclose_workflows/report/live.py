@@ -1,0 +1,217 @@
+"""Owns the live page: all campaigns of a folder, as they stand, from their stores alone, on this machine's loopback.
+
+The server reads; there is nothing that a request could change. Names come from the folder's own listing, never from a
+request's path, and a request whose host is not this machine's is refused (a page elsewhere could have sent it).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, unquote
+
+import numpy as np
+
+from softclose import __version__
+from softclose_store import StoreError, lock_holder, open_campaign
+from softclose_workflows.report.gather import gather
+from softclose_workflows.report.page import render_live, render_report
+from softclose_workflows.report.shapes import best_so_far
+from softclose_workflows.tell.standing import read_standing
+from softclose_workflows.tell.watch import pace
+
+EVERY_S = 1.0
+"""How often the folder is looked at [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """One campaign, as the page shows it."""
+
+    store: str
+    """Name of its folder."""
+    report: str
+    """Address of its report, below this server's."""
+    name: str = ""
+    committed: int = 0
+    budget: int = 0
+    failed: int = 0
+    best: dict[str, Any] | None = None
+    """candidate, g_cm_s, v_u_cm_s, p_nc and n_switches of the best; None before there is one."""
+    history: tuple[list[int], list[float]] = field(default_factory=lambda: ([], []))
+    """Candidates at which the best so far changes, and its g from there [cm/s]."""
+    larger: tuple[tuple[int, int], ...] = ()
+    """(candidate, switches) from which on a larger ensemble is used."""
+    left_s: float | None = None
+    """Time left at the pace of the last waves [s]."""
+    driver: str = ""
+    """Who drives it now; empty where nobody does."""
+    problem: str = ""
+    """Why it cannot be read, where it cannot."""
+
+
+@dataclass(slots=True)
+class Folder:
+    """The stores of a folder. What has not changed on the disk is not read again."""
+
+    path: Path
+    _known: dict[Path, tuple[tuple[int, bool], State]] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def stores(self) -> dict[str, Path]:
+        """Its stores by name: those in it, or itself where it is one."""
+        if (self.path / "zarr.json").is_file():
+            return {self.path.name: self.path}
+        found = (p.parent for p in self.path.glob("*/zarr.json") if not p.parent.is_symlink())
+        return {p.name: p for p in sorted(found)}
+
+    def states(self) -> list[State]:
+        """Every store as it stands, by name."""
+        with self._lock:
+            found = []
+            for name, path in self.stores().items():
+                try:
+                    version = ((path / "zarr.json").stat().st_mtime_ns, lock_holder(path) is not None)
+                except OSError:
+                    continue
+                if self._known.get(path, (None,))[0] != version:
+                    self._known[path] = version, _read(name, path)
+                found.append(self._known[path][1])
+            return found
+
+
+def _read(name: str, path: Path) -> State:
+    report = f"report/{quote(name)}"
+    try:
+        standing = read_standing(str(path))
+        records = open_campaign(path).records()
+        holder = lock_holder(path)
+    except (StoreError, OSError, ValueError) as e:
+        return State(store=name, report=report, problem=str(e))
+    usable = np.flatnonzero(np.isfinite(records["g_cm_s"]) & ~records["failed"])
+    best, larger = best_so_far(usable, records["g_cm_s"][usable], records["n_switches"][usable])
+    changes = np.unique([0, *(np.flatnonzero(np.diff(best)) + 1)]) if best.size else np.empty(0, dtype=int)
+    b = standing.best
+    n_left = standing.budget - standing.committed
+    _, left = pace(records["wall_committed_unix_s"], records["n_switches"], records["wave"], n_left)
+    return State(
+        store=name,
+        report=report,
+        name=standing.name,
+        committed=standing.committed,
+        budget=standing.budget,
+        failed=standing.failed,
+        best=None
+        if b is None
+        else {
+            "candidate": b.candidate,
+            "g_cm_s": b.g_cm_s,
+            "v_u_cm_s": b.v_u_cm_s if math.isfinite(b.v_u_cm_s) else None,
+            "p_nc": b.p_nc,
+            "n_switches": b.n_switches,
+        },
+        history=([int(i) for i in usable[changes]], [round(float(g), 4) for g in best[changes]]),
+        larger=larger,
+        left_s=left if math.isfinite(left) and not standing.finished else None,
+        driver="" if holder is None else str(holder),
+    )
+
+
+class Server(ThreadingHTTPServer):
+    """Serves one folder on loopback. `with Server(folder, port) as server: server.serve_forever()`."""
+
+    daemon_threads = True
+
+    def __init__(self, folder: Path, port: int = 0) -> None:
+        self.folder = Folder(folder)
+        self.ending = threading.Event()
+        super().__init__(("127.0.0.1", port), _Handler)
+
+    @property
+    def address(self) -> str:
+        """Where it listens."""
+        return f"http://127.0.0.1:{self.server_port}/"
+
+    def shutdown(self) -> None:
+        """End the streams, then the server."""
+        self.ending.set()
+        super().shutdown()
+
+    def changes(self) -> Iterator[str]:
+        """The folder's state as JSON, now and after every change; empty where nothing has changed for a while."""
+        last, said = "", 0.0
+        while not self.ending.is_set():
+            now = json.dumps([asdict(state) for state in self.folder.states()], allow_nan=False)
+            if now != last or time.monotonic() - said > 10.0:
+                yield now if now != last else ""
+                last, said = now, time.monotonic()
+            self.ending.wait(EVERY_S)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    protocol_version = "HTTP/1.1"
+    server_version = f"softclose/{__version__}"
+    sys_version = ""
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the terminal is the user's."""
+
+    def do_GET(self) -> None:
+        """The page, the stream of states, or one campaign's report."""
+        port = self.server.server_port
+        if self.headers.get("Host", "") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            self.send_error(HTTPStatus.FORBIDDEN, "not asked for under this machine's name")
+            return
+        known = {f"/report/{quote(name)}": path for name, path in self.server.folder.stores().items()}
+        pages = {"/": self._page, "/events": self._events}
+        pages |= {address: partial(self._report, path) for address, path in known.items()}
+        page = pages.get(quote(unquote(self.path.partition("?")[0])))
+        if page is None:
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
+        try:
+            page()
+        except (BrokenPipeError, ConnectionResetError):  # the reader is gone
+            self.close_connection = True
+
+    def _page(self) -> None:
+        self._send(render_live())
+
+    def _report(self, path: Path) -> None:
+        try:
+            text = render_report(gather(str(path)))
+        except (StoreError, OSError, ValueError) as e:
+            self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, "cannot be read", str(e))
+            return
+        self._send(text)
+
+    def _send(self, text: str) -> None:
+        content = text.encode("utf-8")
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _events(self) -> None:
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", "text/event-stream")
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.close_connection = True
+        for state in self.server.changes():
+            self.wfile.write(f"data: {state}\n\n".encode() if state else b": still here\n\n")
+            self.wfile.flush()
