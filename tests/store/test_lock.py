@@ -16,7 +16,7 @@ import pytest
 from small_store import create
 from softclose_store import LockedError, lock_holder
 from softclose_store.disk import lock
-from softclose_store.disk.files import open_files, read_key, write_key
+from softclose_store.disk.files import create_key, open_files, read_key, write_key
 from softclose_store.disk.lock import LOCK_KEY, DriverLock, Holder
 
 ME = Holder.this_process()
@@ -130,22 +130,54 @@ def test_behind_a_url_the_dead_are_passed_over_and_strangers_are_not(tmp_path: P
         mine.release()
 
 
-def test_of_two_that_take_a_url_in_the_same_instant_one_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("late", ["first", "second"])
+def test_of_two_that_take_a_url_in_the_same_instant_one_is_refused_however_slow_its_request(
+    late: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Both have seen no lock; then one's write is delayed until the other has written, read back and begun."""
     url = f"memory://{tmp_path.name}-race/a.zarr"
     create(url)
-    rival = json.dumps(asdict(replace(ME, host="elsewhere", user="ann"))).encode()
-    write = lock.write_key
+    create_key = lock.create_key
+    rival = DriverLock(url)
+    began = []
 
-    def overtaken(files: object, key: str, text: bytes) -> None:
-        write(files, key, text)
-        write(files, key, rival)
+    def overtaken(files: object, key: str, text: bytes) -> bool:
+        monkeypatch.setattr(lock, "create_key", create_key)
+        if late == "first":
+            rival.acquire()
+            began.append(rival)
+            return create_key(files, key, text)
+        taken = create_key(files, key, text)
+        with pytest.raises(LockedError):
+            rival.acquire()
+        return taken
 
-    monkeypatch.setattr(lock, "write_key", overtaken)
-    with pytest.raises(LockedError, match="ann on elsewhere"):
-        DriverLock(url).acquire()
-    assert read_key(open_files(url, read_only=True), LOCK_KEY) == rival
+    monkeypatch.setattr(lock, "create_key", overtaken)
+    mine = DriverLock(url)
+    if late == "first":
+        with pytest.raises(LockedError, match=f"process {os.getpid()}"):
+            mine.acquire()
+        assert rival.still_held()
+        assert not mine.still_held()
+    else:
+        mine.acquire()
+        assert mine.still_held()
+        assert not rival.still_held()
+
+
+def test_a_service_that_cannot_decide_is_asked_in_two_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    url = f"memory://{tmp_path.name}-old/a.zarr"
+    create(url)
+    files = open_files(url, read_only=False)
+
+    async def unknown(*_: object, **__: object) -> None:
+        raise TypeError("unexpected keyword argument 'mode'")
+
+    pipe = files.fs._pipe_file
+    monkeypatch.setattr(files.fs, "_pipe_file", lambda *a, **k: unknown() if "mode" in k else pipe(*a, **k))
+    assert create_key(files, "digests/one", b"1")
+    assert not create_key(files, "digests/one", b"2")
+    assert read_key(files, "digests/one") == b"1"
 
 
 def test_a_dead_driver_whose_child_holds_on_is_named_so(tmp_path: Path) -> None:

@@ -173,6 +173,29 @@ def write_key(files: Store, key: str, content: bytes) -> None:
     run_here(files.set(key, cpu.Buffer.from_bytes(content)), files)
 
 
+def create_key(files: Store, key: str, content: bytes) -> bool:
+    """Write a key behind a URL where there is none; False where there is one. One request, which the service decides.
+
+    Where a service knows no such request (an old fsspec) it is a look and a write, between which another may write.
+    """
+    assert isinstance(files, FsspecStore)
+
+    async def create() -> bool:
+        try:
+            await files.fs._pipe_file(f"{files.path}/{key}", content, mode="create")
+        except FileExistsError:
+            return False
+        return True
+
+    try:
+        return run_here(create(), files)
+    except (TypeError, NotImplementedError):
+        if read_key(files, key) is not None:
+            return False
+        write_key(files, key, content)
+        return True
+
+
 def delete_key(files: Store, key: str) -> None:
     """Remove a key; one that is not there is no error. Raises StoreError where it lies behind a link."""
     check_inside(files, key)

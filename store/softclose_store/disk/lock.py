@@ -13,11 +13,20 @@ import getpass
 import json
 import os
 import socket
+import uuid
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from softclose_store.disk.files import StorePath, delete_key, local_path, normalised, open_files, read_key, write_key
+from softclose_store.disk.files import (
+    StorePath,
+    create_key,
+    delete_key,
+    local_path,
+    normalised,
+    open_files,
+    read_key,
+)
 from softclose_store.disk.processes import boot_id, process_is_alive, process_start
 from softclose_store.errors import LockedError
 
@@ -41,6 +50,8 @@ class Holder:
     """User name."""
     since: str
     """When the lock was taken, ISO 8601."""
+    token: str = ""
+    """Tells two locks of one process apart."""
 
     @classmethod
     def this_process(cls) -> Holder:
@@ -56,6 +67,7 @@ class Holder:
             boot=boot_id(),
             user=user,
             since=datetime.now(UTC).isoformat(timespec="seconds"),
+            token=uuid.uuid4().hex,
         )
 
     @classmethod
@@ -105,8 +117,11 @@ class DriverLock:
         holder = Holder.parse(content)
         if content and not break_lock and (holder is None or not holder.is_dead):
             raise self._refusal(holder)
-        write_key(self._files, LOCK_KEY, text)
-        if read_key(self._files, LOCK_KEY) != text:  # another driver took it in the same instant
+        if content is not None:
+            delete_key(self._files, LOCK_KEY)
+        # The service decides between two that come in the same instant, however long their requests take.
+        created = create_key(self._files, LOCK_KEY, text)
+        if not created or read_key(self._files, LOCK_KEY) != text:
             raise self._refusal(Holder.parse(read_key(self._files, LOCK_KEY)))
         self._text = text
 
