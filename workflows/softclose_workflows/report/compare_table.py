@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from softclose_workflows.report.compare_page import table_rows
 from softclose_workflows.report.comparison import Entry, differing_settings
+from softclose_workflows.tell.console import wide_console
 
 
 def print_comparison(entries: Sequence[Entry]) -> None:
     """One column a campaign; then what was set differently."""
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -25,5 +25,4 @@ def print_comparison(entries: Sequence[Entry]) -> None:
         table.add_section()
     for key, values in settings:
         table.add_row(key, *(Text(value) for value in values))
-    console = Console()
-    (console if console.is_terminal else Console(width=160)).print(table)
+    wide_console().print(table)

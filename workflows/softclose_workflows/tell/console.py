@@ -8,21 +8,62 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
+    from rich.table import Table
 
 Step = Callable[[int, int], None]
 """Called with what is done and what there is."""
 
 
-def wide_console(width: int = 160) -> Console:
-    """A console that folds no table in a pipe or a log, which have no width of their own."""
-    from rich.console import Console
+ROOM = 24
+"""Columns that a table needs beyond its narrowest form to be easier to read than its rows one below the other."""
 
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(width=width, highlight=False)
+
+def wide_console(width: int = 160) -> Console:
+    """A console for tables, on standard output.
+
+    In a pipe or a log, which have no width of their own, it folds nothing and ends lines where their text ends. On a
+    terminal too narrow for a table it prints each row as a block of its own: what names a row is never cut.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    class TableConsole(Console):
+        def print(self, *objects: Any, **options: Any) -> None:
+            table = objects[0] if len(objects) == 1 else None
+            if isinstance(table, Table) and not self.is_terminal:
+                with self.capture() as captured:
+                    super().print(table, **options)
+                self.file.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+            elif isinstance(table, Table) and self.measure(table).minimum + ROOM > self.width:
+                super().print(stacked(table), **options)
+            else:
+                super().print(*objects, **options)
+
+    console = TableConsole(highlight=False)
+    return console if console.is_terminal else TableConsole(width=width, highlight=False)
+
+
+def stacked(table: Table) -> RenderableType:
+    """A table's rows one below the other: its first column as a heading, the others as lines below it."""
+    from rich.console import Group
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    columns = [(column.header, list(column.cells)) for column in table.columns]
+    parts: list[RenderableType] = [Text.from_markup(str(table.title or ""), style="italic")]
+    for i, name in enumerate(columns[0][1]):
+        lines = Table.grid(padding=(0, 2))
+        for header, cells in columns[1:]:
+            lines.add_row(header, cells[i])
+        parts += [Text.assemble((str(name), "bold")), Padding(lines, (0, 0, 0, 2))]
+    if table.caption:
+        parts.append(Text.from_markup(str(table.caption), style="dim italic"))
+    return Group(*parts)
 
 
 def silent(quiet: bool) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing
 
@@ -43,7 +44,6 @@ def print_designs(
     title: str, designs: Sequence[tuple[str, Sequence[Sequence[float | None]], Mapping[str, Any]]], caption: str
 ) -> None:
     """One row a design: name, waveform, metrics with intervals."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_lines=True)
@@ -53,9 +53,7 @@ def print_designs(
         table.add_column(column, justify="right", no_wrap=True)
     for name, rows, record in designs:
         table.add_row(name, describe_waveform(rows), *metrics_row(record))
-    console = Console()
-    # A pipe or a log has no width: give the table the room that it needs rather than fold its numbers.
-    (console if console.is_terminal else Console(width=160)).print(table)
+    wide_console().print(table)
 
 
 def trouble_lines(standing: Standing) -> list[str]:

@@ -1,0 +1,65 @@
+"""Claims about tables at the terminal: nothing that names a row is cut at 80 columns, nothing is padded in a pipe."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from softclose_workflows.tell import console as consoles
+from softclose_workflows.tell.console import wide_console
+
+
+def table() -> Table:
+    made = Table(title="Certified", caption="95 % intervals")
+    made.add_column("design")
+    made.add_column("waveform", min_width=20)
+    for name in ("v_u \\[cm/s]", "g \\[cm/s]"):
+        made.add_column(name, justify="right", no_wrap=True)
+    made.add_row(
+        "candidate 7170, incumbent", "84.95 V from 0.00 µs, rise 4.00 µs", "13.82 (13.75–13.89)", "14.49 (14.40–14.57)"
+    )
+    made.add_row("unshaped", "100.00 V from 0.00 µs", "40.10 (38.95–43.41)", "40.10 (38.95–43.61)")
+    return made
+
+
+def printed(monkeypatch: pytest.MonkeyPatch, width: int | None) -> list[str]:
+    """What a terminal of that width, or a pipe, receives."""
+    out = io.StringIO()
+    monkeypatch.setattr("sys.stdout", out)
+    monkeypatch.setattr(Console, "is_terminal", property(lambda self: width is not None))
+    monkeypatch.setattr(Console, "width", property(lambda self: width or 160))
+    wide_console().print(table())
+    return re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue()).splitlines()
+
+
+def test_in_a_pipe_lines_end_where_their_text_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = printed(monkeypatch, None)
+    assert all(line == line.rstrip() for line in lines)
+    assert "candidate 7170, incumbent" in "\n".join(lines)
+    assert any("13.82 (13.75–13.89)" in line and "candidate 7170" in line for line in lines)
+
+
+def test_a_wide_terminal_gets_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert any("candidate 7170" in line and "14.49 (14.40–14.57)" in line for line in printed(monkeypatch, 160))
+
+
+@pytest.mark.parametrize("width", [60, 90])
+def test_a_narrow_terminal_gets_the_rows_one_below_the_other(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = [line.rstrip() for line in printed(monkeypatch, width)]
+    assert max(map(len, lines)) <= width
+    at = lines.index("candidate 7170, incumbent")
+    assert lines[at + 1].split(None, 1) == ["waveform", "84.95 V from 0.00 µs, rise 4.00 µs"]
+    assert lines[at + 2].split(None, 2)[1:] == ["[cm/s]", "13.82 (13.75–13.89)"]
+    assert lines.index("unshaped") > at + 3
+    assert lines[-1] == "95 % intervals"
+
+
+def test_other_things_are_printed_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.StringIO()
+    monkeypatch.setattr("sys.stdout", out)
+    consoles.wide_console().print("best: candidate 3")
+    assert out.getvalue() == "best: candidate 3\n"
