@@ -6,13 +6,16 @@ import enum
 import math
 import operator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.kernel import dispatch
 from softclose.waveform import MAX_VOLTS, Waveform
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FloatArray = NDArray[np.float64]
 
@@ -63,6 +66,35 @@ class Responses:
     """(n, n_time) travel [µm]."""
     v: NDArray[Any] | None = None
     """(n, n_time) velocity [µm/µs]; just before the impact where an instant is exactly one."""
+
+    def to_xarray(self) -> xr.Dataset:
+        """The same, labelled: dimensions switch, impact and time, each variable with its unit and what it is."""
+        import xarray as xr
+
+        found: dict[str, Any] = {}
+        for name, (rest, unit, meaning) in _LABELS.items():
+            values = getattr(self, name)
+            if values is not None:
+                found[name] = (("switch", *rest), values, {"units": unit, "long_name": meaning})
+        time = {} if self.times_us is None else {"time": ("time", self.times_us, {"units": "µs"})}
+        return xr.Dataset(found, coords=time)
+
+
+_LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "max_contact_speed": ((), "µm/µs", "largest speed just before an impact"),
+    "first_contact_us": ((), "µs", "first impact"),
+    "closed": ((), "1", "held in contact at the horizon"),
+    "settling_us": ((), "µs", "held from here to the horizon"),
+    "n_impacts": ((), "1", "impacts within the horizon"),
+    "final_x": ((), "µm", "travel at the horizon"),
+    "final_v": ((), "µm/µs", "velocity at the horizon"),
+    "status": ((), "1", "outcome of the integration; 0: ok"),
+    "impact_time_us": (("impact",), "µs", "instants of the first impacts"),
+    "impact_speed": (("impact",), "µm/µs", "speeds just before them"),
+    "x": (("time",), "µm", "travel"),
+    "v": (("time",), "µm/µs", "velocity"),
+}
+"""Variable -> its dimensions beside the switch, its unit, what it is."""
 
 
 def simulate(

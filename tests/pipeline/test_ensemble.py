@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -162,3 +163,19 @@ def test_impacts_beyond_max_impacts_are_counted_but_not_kept():
     np.testing.assert_array_equal(r.impact_time_us[0], many.impact_time_us[0, :3])
     assert np.isnan(many.impact_time_us[0, n:]).all()
     assert simulate(SWITCH, STEP).impact_time_us is None
+
+
+def test_responses_label_themselves():
+    times = np.linspace(0.0, 100.0, 11)
+    found = simulate(np.vstack([SWITCH] * 3), STEP, times_us=times, max_impacts=2)
+    labelled = found.to_xarray()
+    assert dict(labelled.sizes) == {"switch": 3, "impact": 2, "time": 11}
+    for name, variable in labelled.data_vars.items():
+        np.testing.assert_array_equal(variable, getattr(found, name))
+        assert variable.attrs["units"]
+    assert {f.name for f in dataclasses.fields(found)} - {"times_us"} == set(labelled.data_vars)
+    np.testing.assert_array_equal(labelled.time, times)
+    assert labelled.x.attrs["units"] == "µm"
+    bare = simulate(SWITCH, STEP).to_xarray()
+    assert dict(bare.sizes) == {"switch": 1}
+    assert "x" not in bare
