@@ -23,22 +23,27 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: $(BIN)/python pyproject.toml constraints.txt
+	@echo 'installing Softclose into $(VENV): up to two minutes the first time'
 	$(INSTALL) --editable .
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
+	@echo 'installing what the tests need into $(VENV): up to two minutes the first time'
 	$(INSTALL) --editable '.[test]'
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed-test
+	@echo 'installing the linters into $(VENV): up to two minutes the first time'
 	$(INSTALL) --editable '.[lint]'
 	@touch $@
 
 $(VENV)/.installed-mutants: $(VENV)/.installed-test
+	@echo 'installing the mutation tester into $(VENV): up to two minutes the first time'
 	$(INSTALL) --editable '.[mutants]'
 	@touch $@
 
 $(VENV)/.installed-docs: $(VENV)/.installed
+	@echo 'installing what the site is made with into $(VENV): up to two minutes the first time'
 	$(INSTALL) --editable '.[docs]'
 	@touch $@
 

@@ -44,7 +44,7 @@ def calibrate(
     from softclose.population.calibrate import calibrate as fit
     from softclose.population.calibrate import write_calibration
     from softclose.population.measurements import read_measurements
-    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.tell.console import wide_console, working
     from softclose_workflows.tell.outputs import check_file, whole_file
     from softclose_workflows.tell.plain import json_text
 
@@ -53,15 +53,16 @@ def calibrate(
         from softclose_workflows.figures.saving import check_figure
 
         check_figure(figure)
-    calibration = fit(
-        read_measurements(measurements),
-        name=name or Path(output).stem,
-        bounds=dict(map(_bounds, given)),
-        plate_area_um2=plate_area,
-        n_bootstrap=bootstrap,
-        confidence=confidence,
-        seed=seed,
-    )
+    with working(f"fitting, {bootstrap} bootstrap samples of each variable", quiet=False):
+        calibration = fit(
+            read_measurements(measurements),
+            name=name or Path(output).stem,
+            bounds=dict(map(_bounds, given)),
+            plate_area_um2=plate_area,
+            n_bootstrap=bootstrap,
+            confidence=confidence,
+            seed=seed,
+        )
     with whole_file(output) as partial:
         write_calibration(calibration, partial)
     if figure:
