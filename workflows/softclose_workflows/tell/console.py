@@ -38,13 +38,18 @@ def wide_console(width: int = 160) -> Console:
                 with self.capture() as captured:
                     super().print(table, **options)
                 self.file.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
-            elif isinstance(table, Table) and self.measure(table).minimum + ROOM > self.width:
+            elif isinstance(table, Table) and _too_wide(self, table):
                 super().print(stacked(table), **options)
             else:
                 super().print(*objects, **options)
 
     console = TableConsole(highlight=False)
     return console if console.is_terminal else TableConsole(width=width, highlight=False)
+
+
+def _too_wide(console: Console, table: Table) -> bool:
+    needs = console.measure(table, options=console.options.update(width=1000))
+    return needs.maximum > console.width and needs.minimum + ROOM > console.width
 
 
 def stacked(table: Table) -> RenderableType:
@@ -59,8 +64,10 @@ def stacked(table: Table) -> RenderableType:
     for i, name in enumerate(columns[0][1]):
         lines = Table.grid(padding=(0, 2))
         for header, cells in columns[1:]:
-            lines.add_row(header, cells[i])
-        parts += [Text.assemble((str(name), "bold")), Padding(lines, (0, 0, 0, 2))]
+            if cells[i] != "":
+                lines.add_row(header, cells[i])
+        parts += [Text.assemble((str(name), "bold"))] if name else []
+        parts.append(Padding(lines, (0, 0, 0, 2)))
     if table.caption:
         parts.append(Text.from_markup(str(table.caption), style="dim italic"))
     return Group(*parts)
