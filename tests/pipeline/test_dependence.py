@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from softclose.config import load_config
+from softclose.propose import dependence
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
 
@@ -66,14 +67,29 @@ def test_dependence_has_its_minimum_where_the_objective_has(learned: Dependence)
     assert learned.slice_cm_s[j].min() == pytest.approx(20.0, abs=0.3)
 
 
-def test_maps_agree_with_the_curves(learned: Dependence) -> None:
+def test_maps_agree_with_the_curves(monkeypatch: pytest.MonkeyPatch) -> None:
     """A map's own average along the parameter that does not matter is the curve of the one that does."""
+    monkeypatch.setattr(dependence, "NEAR", 9.0)
+    of = problem()
+    learned = surrogate_dependence(of, history(of))
+    assert learned is not None
     j = learned.names.index("volts2")
     place = next(k for k, pair in enumerate(learned.pairs) if j in pair)
     along = 0 if learned.pairs[place][0] == j else 1
     curve = learned.pair_cm_s[place].mean(axis=along)
     expected = np.interp(learned.pair_grid[j], learned.grid[j], learned.mean_cm_s[j])
     np.testing.assert_allclose(curve, expected, atol=0.3)
+
+
+def test_a_map_says_nothing_where_no_candidate_is_near(learned: Dependence) -> None:
+    axes = problem().space.coordinates
+    for (i, j), values in zip(learned.pairs, learned.pair_cm_s, strict=True):
+        u, v = (axes[k].unit(learned.pair_grid[k]) for k in (i, j))
+        tried = np.column_stack([axes[k].unit(learned.tried[:, k]) for k in (i, j)])
+        for row, col in ((0, 0), (8, 3), (16, 16)):
+            near = np.hypot(*(tried - (u[col], v[row])).T).min()
+            assert np.isnan(values[row, col]) == (near > dependence.NEAR)
+    assert np.isnan(learned.pair_cm_s).any()
 
 
 def test_too_short_a_history_says_nothing() -> None:

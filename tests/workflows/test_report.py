@@ -210,11 +210,13 @@ def test_packed_traces_of_a_constant_motion_do_not_divide_by_zero() -> None:
         times_us=np.arange(3.0),
         distance_um=still,
         velocity_cm_s=still,
+        closed=np.array([True, False]),
         impact_us=none,
         impact_cm_s=none,
     )
     coded = packed.pack_traces(traces)
     assert coded["impacts"] == []
+    assert coded["open"] == [1]
     assert json.dumps(coded, allow_nan=False)
 
 

@@ -46,7 +46,10 @@ class Dependence:
     pair_grid: FloatArray
     """(d, n_pair_grid) values of each parameter in the pairs' maps."""
     pair_cm_s: FloatArray
-    """(n_pair, n_pair_grid, n_pair_grid) partial dependence; the first of the pair runs along the last axis [cm/s]."""
+    """(n_pair, n_pair_grid, n_pair_grid) partial dependence; the first of the pair runs along the last axis [cm/s]. NaN
+    where no candidate is near."""
+    tried: FloatArray
+    """(n, d) the candidates of the fit, in physical units."""
 
 
 def surrogate_dependence(
@@ -99,7 +102,10 @@ def surrogate_dependence(
         first, second = np.meshgrid(coarse, coarse)
         both = np.column_stack([first.ravel(), second.ravel()])
         pairs = tuple(sorted(combinations(range(d), 2), key=lambda p: float(scales[p[0]] * scales[p[1]])))[:max_pairs]
-        maps = [_averaged(expected, average, pair, both).reshape(n_pair_grid, n_pair_grid) for pair in pairs]
+        maps = [
+            np.where(_near(data.points[:, pair], both), _averaged(expected, average, pair, both), np.nan)
+            for pair in pairs
+        ]
     axes = problem.space.coordinates
     return Dependence(
         names=problem.space.names,
@@ -111,8 +117,19 @@ def surrogate_dependence(
         slice_sd_cm_s=sd,
         pairs=pairs,
         pair_grid=np.array([c.value(coarse) for c in axes]),
+        tried=np.array([c.value(data.points[:, i]) for i, c in enumerate(axes)]).T,
         pair_cm_s=np.array(maps).reshape(len(pairs), n_pair_grid, n_pair_grid),
     )
+
+
+NEAR = 0.15
+"""How far from the nearest candidate, in units of the range of both parameters, a map still says something."""
+
+
+def _near(points: FloatArray, grid: FloatArray) -> NDArray[np.bool_]:
+    """(n_grid,) whether any of `points` (n, 2) is within NEAR of each place."""
+    distance = np.linalg.norm(grid[:, None] - points[None], axis=2)
+    return np.asarray(distance.min(axis=1) <= NEAR)
 
 
 def _averaged(

@@ -67,8 +67,8 @@ def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
 
 def response(data: ReportData) -> Chart:
     """Three panels over one time axis, as Figs. 6, 8 and 10: voltage, distance, velocity. The script fills it in."""
-    horizon = data.config.model.horizon_us
     line = {"line": {"color": "@best", "width": 0.7}, "mode": "lines", "opacity": 0.6, "hoverinfo": "skip"}
+    stays = line | {"line": {"color": "@open", "width": 0.9, "dash": "dot"}}
     return {
         "data": [
             {
@@ -81,6 +81,8 @@ def response(data: ReportData) -> Chart:
             },
             {"name": "distance", "x": [], "y": [], "yaxis": "y2", **line},
             {"name": "velocity", "x": [], "y": [], "yaxis": "y3", **line},
+            {"name": "distance, stays open", "x": [], "y": [], "yaxis": "y2", **stays},
+            {"name": "velocity, stays open", "x": [], "y": [], "yaxis": "y3", **stays},
             {
                 "name": "impacts",
                 "x": [],
@@ -92,7 +94,7 @@ def response(data: ReportData) -> Chart:
             },
         ],
         "layout": layout(
-            axis("Time (µs)", range=[0, horizon], anchor="y3"),
+            axis("Time (µs)", range=[0, _until(data)], anchor="y3"),
             axis("Voltage (V)", domain=[0.76, 1.0], rangemode="tozero"),
             yaxis2=axis("Distance (µm)", domain=[0.39, 0.72]),
             yaxis3=axis("Velocity (cm/s)", domain=[0.0, 0.35]),
@@ -136,6 +138,15 @@ def response(data: ReportData) -> Chart:
         "alt": "Three panels over time: the drive voltage, each drawn switch's distance to the closed position with "
         "the contact line at zero, and its velocity with a mark for each impact.",
     }
+
+
+def _until(data: ReportData) -> float:
+    """Where the panels over time begin to end: a little after the last impact that is drawn of the best [µs]."""
+    horizon, best = data.config.model.horizon_us, data.best_design
+    if best is None or best.traces is None or not np.isfinite(best.traces.impact_us).any():
+        return horizon
+    last = max(float(np.nanmax(best.traces.impact_us)), best.waveform.pulses[-1].start_us + 20.0)
+    return min(horizon, 10.0 * math.ceil(0.115 * last))
 
 
 def histogram(data: ReportData) -> Chart:
@@ -510,6 +521,13 @@ def pair(d: Dependence, place: int) -> Chart:
                 "hovertemplate": "%{x:.4g}, %{y:.4g}: %{z:.1f} cm/s<extra></extra>",
             },
             {
+                "x": numbers(d.tried[:, i], 5),
+                "y": numbers(d.tried[:, j], 5),
+                "mode": "markers",
+                "marker": {"size": 3, "color": "#ffffff", "line": {"color": "#000000", "width": 0.6}},
+                "hoverinfo": "skip",
+            },
+            {
                 "x": [float(d.incumbent[i])],
                 "y": [float(d.incumbent[j])],
                 "mode": "markers",
@@ -522,6 +540,10 @@ def pair(d: Dependence, place: int) -> Chart:
                 "hovertemplate": "candidate of smallest g<extra></extra>",
             },
         ],
-        "layout": layout(axis(first[0].upper() + first[1:]), axis(second[0].upper() + second[1:]), height=420),
+        "layout": layout(
+            axis(first[0].upper() + first[1:], range=[float(d.pair_grid[i][0]), float(d.pair_grid[i][-1])]),
+            axis(second[0].upper() + second[1:], range=[float(d.pair_grid[j][0]), float(d.pair_grid[j][-1])]),
+            height=420,
+        ),
         "alt": f"Map of the expected objective over {first} and {second}; the candidate of smallest g is marked.",
     }

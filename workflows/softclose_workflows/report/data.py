@@ -37,6 +37,8 @@ class Traces:
     """(k, n_time) distance D - x from the closed position [µm]: 0 is closed."""
     velocity_cm_s: FloatArray
     """(k, n_time) velocity towards the contact [cm/s]."""
+    closed: NDArray[np.bool_]
+    """(k,) held in contact at the horizon."""
     impact_us: FloatArray
     """(k, n_impact) instants of the impacts [µs], padded with NaN."""
     impact_cm_s: FloatArray

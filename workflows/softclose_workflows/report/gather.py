@@ -130,6 +130,7 @@ def _traces(campaign: Campaign, i: int, responses: StoredResponses, travel_um: F
         times_us=motion.times_us[::step],
         distance_um=travel_um[:n, None] - np.asarray(motion.x[:n, ::step], dtype=np.float64),
         velocity_cm_s=np.asarray(motion.v[:n, ::step], dtype=np.float64) * CM_S,
+        closed=np.asarray(responses.closed[:n], dtype=np.bool_),
         impact_us=np.empty((n, 0)) if times is None else times[:n],
         impact_cm_s=np.empty((n, 0)) if speeds is None else speeds[:n] * CM_S,
     )

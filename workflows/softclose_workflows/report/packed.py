@@ -33,6 +33,7 @@ def pack_traces(traces: Traces) -> dict[str, Any]:
     """Motions: the page's script unpacks them into one line per panel."""
     return {
         "n": len(traces.rows),
+        "open": np.flatnonzero(~traces.closed).tolist(),
         "times": [round(float(t), 4) for t in traces.times_us],
         "x": pack(traces.distance_um),
         "v": pack(traces.velocity_cm_s),

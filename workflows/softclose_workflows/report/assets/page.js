@@ -36,12 +36,13 @@
   }
 
   // All motions of one panel as a single line, with a gap after each switch: one SVG path is quick, hundreds are not.
-  function strung(traces, which) {
+  function strung(traces, which, rows) {
     const n = traces.times.length;
     const values = unpack(traces[which]);
-    const x = new Array(traces.n * (n + 1));
-    const y = new Array(traces.n * (n + 1));
-    for (let s = 0, k = 0; s < traces.n; s++) {
+    const x = new Array(rows.length * (n + 1));
+    const y = new Array(rows.length * (n + 1));
+    let k = 0;
+    for (const s of rows) {
       for (let i = 0; i < n; i++, k++) { x[k] = traces.times[i]; y[k] = values[s * n + i]; }
       x[k] = traces.times[n - 1]; y[k++] = null;
     }
@@ -50,12 +51,16 @@
 
   function responseFigure(pick) {
     const figure = structuredClone(page.figures.response);
-    const [voltage, distance, velocity, impacts] = figure.data;
+    const [voltage, distance, velocity, openDistance, openVelocity, impacts] = figure.data;
     voltage.x = pick.waveform.map((p) => p[0]);
     voltage.y = pick.waveform.map((p) => p[1]);
     if (pick.traces) {
-      Object.assign(distance, strung(pick.traces, "x"));
-      Object.assign(velocity, strung(pick.traces, "v"));
+      const open = new Set(pick.traces.open);
+      const closes = Array.from({ length: pick.traces.n }, (_, s) => s).filter((s) => !open.has(s));
+      Object.assign(distance, strung(pick.traces, "x", closes));
+      Object.assign(velocity, strung(pick.traces, "v", closes));
+      Object.assign(openDistance, strung(pick.traces, "x", pick.traces.open));
+      Object.assign(openVelocity, strung(pick.traces, "v", pick.traces.open));
       distance.opacity = velocity.opacity = pick.traces.n > 60 ? 0.55 : 0.85;
       impacts.x = pick.traces.impacts.map((p) => p[0]);
       impacts.y = pick.traces.impacts.map((p) => p[1]);
