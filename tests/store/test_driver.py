@@ -40,6 +40,7 @@ from softclose_store import (
     read_switches,
     write_block,
 )
+from softclose_store.write.block import assessed_of, check_block
 
 
 @pytest.fixture
@@ -478,3 +479,32 @@ def test_one_wrong_digest_among_many_is_enough_to_refuse_a_wave(path):
         markers[last][0] += np.uint64(1)
         with pytest.raises(RecordError, match="of other proposals"):
             store.commit(rows(store.layout, 0), markers)
+
+
+def test_a_response_says_who_is_closed_and_who_failed(path):
+    with DriverStore(path) as store:
+        write_wave(store, 0)
+        found = store.read_assessed("search", 1, 0)  # candidates 2 and 3, of which the latter fails
+        response = block(store.layout, "search", 1, 0)["response"]
+    assert_array_equal(found["closed"], response[..., 6] > 0)
+    assert not np.array_equal(found["closed"], response[..., 5] > 0)
+    assert_array_equal(found["status"], [[0] * 4, [-1] * 4])
+    lost = response.copy()
+    lost[0, 0, 7] = np.nan
+    assert assessed_of(lost)[2][0, 0] == -1
+
+
+def test_a_block_of_no_switches_is_none(path):
+    with DriverStore(path) as store:
+        arrays = {name: values[:, :0] for name, values in block(store.layout, "search", 0, 0).items()}
+        with pytest.raises(LayoutError, match="has shape"):
+            write_block(path, "search", 0, 0, arrays, 1)
+
+
+def test_a_block_is_stored_in_the_schemas_types(path):
+    with DriverStore(path) as store:
+        arrays = block(store.layout, "search", 0, 0)
+        values, _ = check_block(store.layout, "search", 0, 0, arrays | {"x": arrays["x"].astype(np.float64)})
+        assert {name: v.dtype for name, v in values.items()} == {
+            name: np.dtype(dtype) for name, (_, dtype) in store.layout.block_arrays.items()
+        }
