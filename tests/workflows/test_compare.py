@@ -11,11 +11,13 @@ from click.testing import CliRunner
 from PIL import Image
 
 from reported import empty_store
+from softclose import Waveform
+from softclose.evaluate import evaluate
 from softclose_store import open_campaign
-from softclose_workflows.analyses.certify import certify
+from softclose_workflows.analyses.certify import certify, fresh_switches
 from softclose_workflows.cli import main
 from softclose_workflows.report.compare_page import render_comparison
-from softclose_workflows.report.comparison import Entry, differing_settings, read_entries
+from softclose_workflows.report.comparison import Entry, differences, differing_settings, read_entries
 
 
 @pytest.fixture(scope="module")
@@ -89,3 +91,25 @@ def test_a_mistake_is_one_message(finished_store: Path, arguments: list[str]) ->
     result = CliRunner().invoke(main, ["compare", *named])
     assert result.exit_code == 2
     assert "Traceback" not in result.output
+
+
+def test_on_fresh_switches_all_are_judged_alike_and_differences_are_paired(
+    finished_store: Path, another_store: Path
+) -> None:
+    a, b = read_entries([str(finished_store), str(another_store)], 500)
+    for entry in (a, b):
+        best = open_campaign(finished_store if entry is a else another_store).best()
+        assert best is not None
+        config = entry.data.config
+        switches = fresh_switches(config.build_population(), 500, seed=a.data.config.campaign.seed)
+        expected = evaluate(config, switches, Waveform.from_rows(best.waveform), fresh=True)
+        assert entry.design is not None
+        assert entry.design.assessment == expected
+        assert entry.basis == "500 fresh switches"
+    ((label, first, difference),) = differences([a, b])
+    assert (label, first) == (b.label, a.label)
+    assert difference.v_u_cm_s == pytest.approx(b.design.assessment.v_u_cm_s - a.design.assessment.v_u_cm_s)
+    told = CliRunner().invoke(main, ["compare", str(finished_store), str(another_store), "--fresh", "500"])
+    assert f"{b.label} against {a.label}: v_u " in told.output.replace("\n", " ")
+    assert "All on fresh switches" in render_comparison([a, b])
+    assert differences(read_entries([str(finished_store), str(another_store)])) == []

@@ -9,7 +9,7 @@ from softclose_workflows.commands.options import quiet_option
 
 @click.command(
     epilog="\b\nExamples:\n  softclose compare runs/two.zarr runs/three.zarr\n"
-    "  softclose compare runs/*.zarr -o comparison.html\n"
+    "  softclose compare runs/*.zarr --fresh 20000 -o comparison.html\n"
     "  softclose compare runs/two.zarr runs/three.zarr --json | jq '.campaigns[].best.v_u_cm_s'"
 )
 @click.argument("stores", metavar="STORE STORE...", nargs=-1)
@@ -19,12 +19,19 @@ from softclose_workflows.commands.options import quiet_option
     metavar="FILE",
     help="Also write waveforms and contact speeds over each other: a page (.html) or a figure (.png, .svg, .pdf).",
 )
+@click.option(
+    "--fresh",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Judge all on N fresh switches, the same ones where populations are the same.",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
-def compare(stores: tuple[str, ...], output: str | None, as_json: bool, quiet: bool) -> None:
+def compare(stores: tuple[str, ...], output: str | None, fresh: int | None, as_json: bool, quiet: bool) -> None:
     """Put the best designs of two or more campaigns side by side.
 
-    A certified campaign is judged on its fresh switches, any other on the switches that it was trained on.
+    A certified campaign is judged on its fresh switches, any other on the switches that it was trained on; with --fresh
+    all are judged alike, and differences are taken switch by switch.
     """
     from softclose_workflows.report.comparison import comparison_to_json, read_entries
     from softclose_workflows.tell.console import working
@@ -35,7 +42,7 @@ def compare(stores: tuple[str, ...], output: str | None, as_json: bool, quiet: b
     if output is not None:
         check_file(output, "-o", [".html", ".htm", ".png", ".svg", ".pdf"])
     with working("reading the stores", quiet=quiet):
-        entries = read_entries(stores)
+        entries = read_entries(stores, fresh or 0)
     if output is not None:
         with working("drawing", quiet=quiet):
             if page:

@@ -27,7 +27,8 @@ def render_comparison(entries: Sequence[Entry]) -> str:
         entries=entries,
         rows=table_rows(entries),
         settings=differing_settings(entries),
-        certified=[e for e in entries if e.data.certification is not None],
+        fair=[e for e in entries if e.is_fair],
+        is_fresh=any(e.fresh is not None for e in entries),
     )
 
 

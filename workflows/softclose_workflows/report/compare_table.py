@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from softclose_workflows.analyses.certified_tables import comparison_line
 from softclose_workflows.report.compare_page import table_rows
-from softclose_workflows.report.comparison import Entry, differing_settings
+from softclose_workflows.report.comparison import Entry, differences, differing_settings
 from softclose_workflows.tell.console import wide_console
 
 
@@ -25,4 +26,7 @@ def print_comparison(entries: Sequence[Entry]) -> None:
         table.add_section()
     for key, values in settings:
         table.add_row(key, *(Text(value) for value in values))
-    wide_console().print(table)
+    console = wide_console()
+    console.print(table)
+    for label, first, difference in differences(entries):
+        console.print(Text(f"{label} against {first}: {comparison_line(difference)}"))

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from softclose.metrics.objective import CM_S, Judged
+from softclose.metrics.paired import Comparison, compare
+from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.gather import gather
+from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.plain import waveform_rows
 
 
@@ -24,6 +29,13 @@ class Entry:
     data: ReportData
     design: Design | None
     """Its best candidate on fresh switches if it is certified, else on its own training switches; None without one."""
+    fresh: Judged | None = None
+    """What the fresh switches of this comparison did, where it has some."""
+
+    @property
+    def is_fair(self) -> bool:
+        """True where it is judged on switches that no waveform was chosen on."""
+        return self.fresh is not None or self.data.certification is not None
 
     @property
     def basis(self) -> str:
@@ -31,11 +43,15 @@ class Entry:
         if self.design is None:
             return "no usable candidate"
         n = f"{self.design.assessment.n:,}".replace(",", "\u202f")
-        return f"{n} fresh switches" if self.data.certification is not None else f"{n} training switches"
+        return f"{n} fresh switches" if self.is_fair else f"{n} training switches"
 
 
-def read_entries(paths: Sequence[str]) -> list[Entry]:
-    """Read every store. Raises CompareError where there are fewer than two."""
+def read_entries(paths: Sequence[str], fresh: int = 0) -> list[Entry]:
+    """Read every store. Raises CompareError where there are fewer than two.
+
+    fresh: judge the best of each on so many fresh switches of its own population, the same ones where populations are
+    the same; 0: as each store judges it.
+    """
     if len(paths) < 2:
         raise CompareError(f"got {len(paths)} store; give two or more to compare")
     found = [gather(path, learned=False, picks=False) for path in paths]
@@ -44,10 +60,44 @@ def read_entries(paths: Sequence[str]) -> list[Entry]:
         name if names.count(name) == 1 else f"{name} ({data.source})" for name, data in zip(names, found, strict=True)
     ]
     labels = [label if labels.count(label) == 1 else f"{label}, {k}" for k, label in enumerate(labels, start=1)]
-    return [
+    entries = [
         Entry(label=label, data=data, design=data.judged_designs[0] if data.judged_designs else None)
         for label, data in zip(labels, found, strict=True)
     ]
+    return [_on_fresh(entry, fresh, entries[0].data.config.campaign.seed) for entry in entries] if fresh else entries
+
+
+def _on_fresh(entry: Entry, n: int, seed: int) -> Entry:
+    if entry.design is None:
+        return entry
+    check_fresh(n, 1)
+    config = entry.data.config
+    (response,) = simulate_fresh(config, [entry.design.waveform], n_switches=n, seed=seed, threads=os.cpu_count() or 1)
+    design = replace(
+        entry.design,
+        speed_cm_s=response.max_contact_speed * CM_S,
+        closed=response.closed,
+        assessment=assess_fresh(response, config),
+        traces=None,
+    )
+    return replace(entry, design=design, fresh=response)
+
+
+def differences(entries: Sequence[Entry]) -> list[tuple[str, str, Comparison]]:
+    """(label, label of the first, difference switch by switch) of each campaign against the first of its population."""
+    found = []
+    for k, entry in enumerate(entries):
+        others = (e for e in entries[:k] if e.data.config.population_model == entry.data.config.population_model)
+        first = next(others, None)
+        if first is None or first.fresh is None or entry.fresh is None or not first.design or not entry.design:
+            continue
+        pair = compare(
+            (entry.fresh, entry.design.assessment),
+            (first.fresh, first.design.assessment),
+            entry.design.assessment.confidence,
+        )
+        found.append((entry.label, first.label, pair))
+    return found
 
 
 def differing_settings(entries: Sequence[Entry]) -> list[tuple[str, list[str]]]:
@@ -97,6 +147,7 @@ def _entry_to_json(entry: Entry) -> dict[str, Any]:
             "p_nc_wilson": list(a.p_nc_intervals.wilson),
             "n_switches": a.n,
             "certified": data.certification is not None,
+            "fresh": entry.is_fair,
             "intervals_valid": a.intervals_valid,
             "waveform": waveform_rows(entry.design.waveform.rows()),
         }
