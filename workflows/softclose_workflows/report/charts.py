@@ -417,34 +417,44 @@ def convergence(data: ReportData) -> Chart:
     }
 
 
-def length_scales(data: ReportData) -> Chart | None:
-    """Length scale of each parameter over the campaign; None where no surrogate spoke."""
-    traces: list[Chart] = []
-    for place, (name, values) in enumerate(shapes.length_scales(data).items()):
+def length_scales(data: ReportData) -> dict[str, Chart]:
+    """Length scale of each parameter over the campaign, a panel each on one axis; none where no surrogate spoke."""
+    found = shapes.length_scales(data)
+    every = np.concatenate([v[np.isfinite(v)] for v in found.values()]) if found else np.empty(0)
+    charts: dict[str, Chart] = {}
+    for name, values in found.items():
         which, label = np.isfinite(values), labels.coordinate_label(name, unit=False)
-        traces.append(
-            {
-                "name": plain(label),
-                "x": numbers(np.flatnonzero(which).astype(float), 6),
-                "y": numbers(values[which]),
-                "mode": "lines",
-                "line": {"width": 1.7, "dash": DASHES[place // 5], "color": f"@{labels.SERIES[place % 5]}"},
-                "hovertemplate": "%{y:.2f}<extra>" + plain(label) + "</extra>",
-            }
-        )
-    if not traces:
-        return None
-    return {
-        "data": traces,
-        "layout": layout(
-            axis("Candidate", unifiedhovertitle={"text": "candidate %{x}"}),
-            axis("Length scale (share of the range)", type="log", dtick=1),
-            showlegend=True,
-            height=360,
-            hovermode="x unified",
-        ),
-        "alt": "Length scales of the surrogate over the campaign, one line per parameter; short scales matter most.",
-    }
+        charts[name] = {
+            "data": [
+                {
+                    "x": numbers(np.flatnonzero(which).astype(float), 6),
+                    "y": numbers(values[which]),
+                    "mode": "lines",
+                    "line": {"width": 1.7, "color": "@best"},
+                    "hovertemplate": "candidate %{x}: %{y:.2f}<extra></extra>",
+                }
+            ],
+            "layout": layout(
+                axis("Candidate"),
+                axis(
+                    "Length scale",
+                    type="log",
+                    dtick=1,
+                    range=[math.log10(every.min()) - 0.1, math.log10(every.max()) + 0.1],
+                ),
+                title={
+                    "text": label[0].upper() + label[1:],
+                    "font": {"size": 13, "color": "@ink"},
+                    "x": 0.5,
+                    "y": 0.97,
+                },
+                margin={"l": 60, "r": 14, "t": 30, "b": 44},
+                height=210,
+            ),
+            "alt": f"Length scale of {plain(label)} over the campaign, from {values[which][0]:.2f} to "
+            f"{values[which][-1]:.2f}.",
+        }
+    return charts
 
 
 def dependence(d: Dependence, i: int, span: tuple[float, float]) -> Chart:

@@ -26,10 +26,10 @@ from softclose_workflows.run.records import observations
 if TYPE_CHECKING:
     from softclose_store import Campaign, StoredResponses
 
-N_BEST_TRACES = 150
+N_BEST_TRACES = 100
 """Switches of the best candidate whose motion is drawn: more of them only make the picture darker."""
 
-MAX_PICKS = 30
+MAX_PICKS = 12
 """Candidates that a reader may pick; of a longer campaign those of smallest g."""
 
 ENDS = ("_lower", "_upper", "_lower_cm_s", "_upper_cm_s")
@@ -146,7 +146,7 @@ def _read_picks(
     """Histogram and sampled motion of each: fewer switches in a longer campaign, so that the page stays small."""
     shares_of: dict[int, FloatArray] = {}
     samples: dict[int, Traces] = {}
-    step = _step(config.store.n_times, 200)
+    step = _step(config.store.n_times, 100)
     n = _PICK_SAMPLES / (2.0 * max(len(chosen), 1) * max(config.store.n_times // step, 1))
     travel = campaign.population()["D"][: int(np.clip(n, 3, 40))]
     for i in chosen:
@@ -173,7 +173,7 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
             closed=responses.closed,
             assessment=judge(config, responses),
             traces=_traces(
-                campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES], _step(config.store.n_times, 500)
+                campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES], _step(config.store.n_times, 250)
             ),
         )
     ]

@@ -44,6 +44,7 @@ def render_report(data: ReportData) -> str:
         candidates=candidate_rows(data),
         provenance=provenance(data),
         dependence=data.dependence,
+        lengths=[name for name in figures if name.startswith("length-")],
         labels=labels,
         pairs=_pair_names(data),
         best=data.best_design,
@@ -150,8 +151,7 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         figures[f"population-{name}"] = charts.population(data, name)
     if data.n_committed:
         figures["convergence"] = charts.convergence(data)
-    if (lengths := charts.length_scales(data)) is not None:
-        figures["lengths"] = lengths
+    figures |= {f"length-{name}": chart for name, chart in charts.length_scales(data).items()}
     if data.dependence is not None:
         span = shapes.dependence_span(data.dependence)
         for i, name in enumerate(data.dependence.names):

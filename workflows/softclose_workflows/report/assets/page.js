@@ -97,7 +97,7 @@
     const el = places.get(name);
     const { data, layout } = themed(figureOf(name));
     layout.font = { ...layout.font, family };
-    layout.width = el.clientWidth;
+    layout.width = el.clientWidth || 340;
     if (state.printing && name === "response") layout.height = 560;
     if (state.printing && el.clientWidth < 360) {
       layout.font.size = 11;
@@ -121,6 +121,11 @@
       if (name === "convergence") el.on("plotly_click", (e) => show(e.points[0].x, true));
     }
   }
+
+  // What is folded away has no width until it is opened.
+  document.querySelectorAll("details").forEach((fold) => fold.addEventListener("toggle", () => {
+    if (fold.open) fold.querySelectorAll(".plot").forEach((el) => draw(el.dataset.figure));
+  }));
 
   const drawAll = () => places.forEach((_, name) => draw(name));
 
