@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import random
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from small_campaigns import COARSE, make_campaign
+from small_campaigns import COARSE, COMPLETE, make_campaign
 from softclose import Observation, Problem, Proposal, Wave, Waveform
 from softclose.propose import plan, proposer
 from softclose.propose.sobol import sobol_points
@@ -248,3 +251,69 @@ def test_a_block_that_fails_in_this_process_comes_back_with_its_failure(tmp_path
     assert event is not None
     assert event[0] is task
     assert isinstance(event[1], StoreMissingError)
+
+
+def test_what_a_run_says_of_itself_is_so(tmp_path: Path, recorder: Recorder) -> None:
+    told: list[Progress] = []
+    path = created(tmp_path / "a.zarr")
+    began = time.perf_counter()
+    driver = drive(path, Unruly(1), listener=told.append)
+    wall = time.perf_counter() - began
+    campaign = open_campaign(path)
+    g = campaign.records()["g_cm_s"]
+    assert (told[0].committed, told[0].simulated, told[0].n_switches_done) == (0, 0, 0)
+    assert math.isinf(told[0].best_g_cm_s)
+    assert {(p.budget, p.stage, p.n_workers, p.n_retries) for p in told} == {(sum(SIZES), "search", 1, 0)}
+    last = told[-1]
+    assert (last.committed, last.simulated, last.n_switches_done) == (18, 18, 18 * 80)
+    for before, after in itertools.pairwise(told):
+        assert before.committed <= after.committed
+        assert before.committed <= before.simulated <= sum(SIZES)
+        assert isinstance(before.simulated, int)
+    for p in told:
+        assert p.best_g_cm_s == min(g[: p.committed], default=math.inf)
+    assert any(p.simulated > p.committed for p in told)
+    spent = driver.spent
+    own = (spent.propose, spent.dispatch, spent.assess, spent.commit, spent.wait)
+    assert all(0.0 < t < wall for t in own)
+    assert sum(own) <= wall
+    assert 0.0 < spent.simulate + spent.store < spent.wait + wall
+
+
+def test_the_best_so_far_is_one_on_the_largest_ensemble(tmp_path: Path) -> None:
+    told: list[Progress] = []
+    path = make_campaign(tmp_path / "a.zarr", *COMPLETE, run=False)
+    drive(path, SerialExecutor(), listener=told.append)
+    records = open_campaign(path).records()
+    n, g = records["n_switches"], records["g_cm_s"]
+    for p in told:
+        largest = n[: p.committed] == n[: p.committed].max(initial=0)
+        assert p.best_g_cm_s == min(g[: p.committed][largest], default=math.inf)
+    assert {"search", "explore", "finish"} == {p.stage for p in told}
+
+
+def test_a_commit_that_the_disk_refuses_stops_the_run(tmp_path: Path, recorder: Recorder) -> None:
+    path = created(tmp_path / "a.zarr")
+    with DriverStore(path) as store:
+        driver = Driver(store, SerialExecutor())
+
+        def refused(*_: object) -> None:
+            raise OSError("no room")
+
+        commit, store.commit = store.commit, refused
+        with pytest.raises(Stopped, match="wave 0 could not be committed: no room"):
+            driver.run()
+        store.commit = commit
+
+
+def test_a_run_asks_its_workers_once_and_a_finished_one_asks_nobody(tmp_path: Path, recorder: Recorder) -> None:
+    asked: list[tuple[str, str]] = []
+
+    class Asked(SerialExecutor):
+        def probe(self, store: str, fingerprint: str) -> None:
+            asked.append((store, fingerprint))
+
+    path = created(tmp_path / "a.zarr")
+    for _ in range(2):
+        drive(path, Asked())
+    assert asked == [(path, open_campaign(path).fingerprint)]
