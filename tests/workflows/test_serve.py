@@ -99,15 +99,18 @@ def test_another_host_s_page_is_refused_and_only_loopback_listens(server: Server
 
 def test_the_command_says_where_it_is_and_ends_with_ctrl_c(tmp_path: Path) -> None:
     with subprocess.Popen(command("serve", str(tmp_path), "--port", "0"), stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        address = line.split()[1]
-        with urllib.request.urlopen(address, timeout=30) as page:
-            assert b"Campaigns" in page.read()
-        with urllib.request.urlopen(address + "events", timeout=30) as stream:
-            assert stream.readline() == b"data: []\n"
-            process.send_signal(signal.SIGINT)
-            assert process.wait(timeout=20) == 0
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            address = line.split()[1]
+            with urllib.request.urlopen(address, timeout=30) as page:
+                assert b"Campaigns" in page.read()
+            with urllib.request.urlopen(address + "events", timeout=30) as stream:
+                assert stream.readline() == b"data: []\n"
+                process.send_signal(signal.SIGINT)
+                assert process.wait(timeout=20) == 0
+        finally:
+            process.kill()
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

@@ -16,6 +16,7 @@ def serve(folder: str, port: int) -> None:
 
     On this machine's loopback only, and read-only. Ctrl-C ends it; the campaigns go on.
     """
+    import signal
     from pathlib import Path
 
     from softclose_workflows.report.live import Server
@@ -28,6 +29,12 @@ def serve(folder: str, port: int) -> None:
         server = Server(path.absolute(), port)
     except OSError as e:
         raise OutputError(f"port {port} cannot be used ({e.strerror or e}); give another (--port 0: any)") from e
+
+    def end(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)  # also where the shell that started it in the background has them ignored
     with server:
         click.echo(f"{folder}: {server.address} (Ctrl-C ends it)")
         try:
