@@ -378,7 +378,7 @@ class CampaignConfig:
                 raise ValueError(
                     f"campaign.extensions computes candidate {max(what)} again, and there are {n} before it"
                 )
-            n += _size(what)
+            n += extension_size(what)
 
     def check_plugins(self) -> None:
         """Raise EngineError or ModelError where this machine lacks the engine or the device model.
@@ -404,7 +404,7 @@ class CampaignConfig:
     @property
     def total_budget(self) -> int:
         """Candidates of all stages."""
-        return self.first_budget + sum(map(_size, self.campaign.extensions))
+        return self.first_budget + sum(map(extension_size, self.campaign.extensions))
 
     def extended(self, total: int) -> CampaignConfig:
         """The same campaign with candidates added up to `total`. Raises ConfigError where it has as many."""
@@ -456,7 +456,7 @@ class CampaignConfig:
         return hashlib.sha256(canonical_json(self.to_dict()).encode()).hexdigest()
 
 
-def _size(extension: int | tuple[int, ...]) -> int:
+def extension_size(extension: int | tuple[int, ...]) -> int:
     """Candidates of an extension."""
     return extension if isinstance(extension, int) else len(extension)
 

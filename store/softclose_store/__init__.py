@@ -4,7 +4,7 @@ from softclose_store.check.repair import Recompute, RepairReport, remove_orphans
 from softclose_store.check.report import Damage, Report
 from softclose_store.check.verify import verify
 from softclose_store.disk.files import check_writable, write_file
-from softclose_store.disk.lock import lock_holder
+from softclose_store.disk.lock import Holder, lock_holder
 from softclose_store.errors import (
     DamageError,
     LayoutError,
@@ -38,6 +38,7 @@ __all__ = [
     "DamageError",
     "DriverStore",
     "GroupArray",
+    "Holder",
     "Layout",
     "LayoutError",
     "LockedError",

@@ -10,7 +10,7 @@ import numpy as np
 from softclose.propose.descents import Descent, continued
 from softclose.propose.explore import stage_g
 from softclose.propose.origins import CMAES
-from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave, even_waves
 from softclose.propose.sobol import initial_point
 from softclose.waveform import Waveform
 
@@ -25,7 +25,7 @@ class CmaesEngine:
         """The user's own waveforms beside the first generation, then a generation each."""
         each, given = _generation(problem), problem.n_initial_waveforms
         first = min(given + each, budget)
-        return [first, *(min(each, budget - begin) for begin in range(first, budget, each))]
+        return [first, *even_waves(budget, each, first)]
 
     def propose_wave(
         self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]

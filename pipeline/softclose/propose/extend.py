@@ -16,7 +16,7 @@ from softclose.propose.descents import Descent, continued
 from softclose.propose.explore import stage_g
 from softclose.propose.extensions import extensions
 from softclose.propose.origins import EXTENDED
-from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave, even_waves
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
@@ -27,8 +27,7 @@ class ExtendEngine:
 
     def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
         """Whole generations, and what is left."""
-        each = problem.config.explore.generation
-        return [min(each, budget - begin) for begin in range(0, budget, each)]
+        return even_waves(budget, problem.config.explore.generation)
 
     def propose_wave(
         self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]

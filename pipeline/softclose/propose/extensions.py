@@ -7,12 +7,9 @@ on. One that ended with descents gets another (`extend`). What came before is no
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
+from softclose.config import CampaignConfig, extension_size
 from softclose.propose.protocol import Problem
-
-if TYPE_CHECKING:
-    from softclose.config import CampaignConfig
 
 EXTEND, RETRY = "extend", "retry"
 """Stages `extend1`, `extend2`, …, and the engine of those that follow descents; that of candidates computed again."""
@@ -35,6 +32,11 @@ class Extension:
     again: tuple[int, ...] = ()
     """Earlier candidates that are computed again, where that is what it is for."""
 
+    @property
+    def is_search(self) -> bool:
+        """True where the campaign's own search goes on."""
+        return self.engine not in (EXTEND, RETRY)
+
 
 def extensions(config: CampaignConfig) -> dict[str, Extension]:
     """The extensions of a campaign by stage, in their order."""
@@ -44,7 +46,7 @@ def extensions(config: CampaignConfig) -> dict[str, Extension]:
     for number, what in enumerate(config.campaign.extensions, start=1):
         stage = f"{EXTEND}{number}"
         again = what if isinstance(what, tuple) else ()
-        size = what if isinstance(what, int) else len(again)
+        size = extension_size(what)
         found[stage] = Extension(
             stage=stage,
             begin=begin,
@@ -59,7 +61,7 @@ def extensions(config: CampaignConfig) -> dict[str, Extension]:
 
 def problem_of(problem: Problem, extension: Extension) -> Problem:
     """The problem as the engine of an extension sees it: a search that goes on has the larger budget."""
-    if extension.engine in (EXTEND, RETRY):
+    if not extension.is_search:
         return problem
     campaign = replace(problem.config.campaign, budget=extension.begin + extension.size, extensions=())
     return Problem(replace(problem.config, campaign=campaign))

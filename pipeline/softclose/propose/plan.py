@@ -10,8 +10,8 @@ import itertools
 from collections.abc import Callable
 
 from softclose.propose.explore import explore_ladder
-from softclose.propose.extensions import EXTEND, RETRY, extensions, problem_of
-from softclose.propose.protocol import Engine, EngineError, Problem, Wave, WaveEngine, load_engine
+from softclose.propose.extensions import extensions, problem_of
+from softclose.propose.protocol import Engine, EngineError, Problem, Wave, WaveEngine, even_waves, load_engine
 
 SEARCH, EXPLORE, FINISH = "search", "explore", "finish"
 """Stages of a campaign, in their order."""
@@ -47,7 +47,7 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
     add(EXPLORE, [step.size for step in steps], few, lambda w: first + steps[w - first].before + 1)
     add(FINISH, _sizes(problem, FINISH, config.finish.budget), many, lambda w: w)
     for extension in extensions(config).values():
-        if extension.engine in (EXTEND, RETRY):
+        if not extension.is_search:
             add(extension.stage, _sizes(problem, extension.engine, extension.size), extension.n_switches, lambda w: w)
         else:
             whole = _sizes(problem_of(problem, extension), search or extension.engine, extension.begin + extension.size)
@@ -67,8 +67,7 @@ def _sizes(problem: Problem, who: str | Engine | WaveEngine, budget: int) -> lis
         return []
     engine = load_engine(who) if isinstance(who, str) else who
     if not isinstance(engine, WaveEngine):
-        each = problem.config.campaign.wave
-        return [min(each, budget - begin) for begin in range(0, budget, each)]
+        return even_waves(budget, problem.config.campaign.wave)
     sizes = [int(size) for size in engine.wave_sizes(problem, budget)]
     if sum(sizes) != budget or min(sizes) < 1:
         raise EngineError(

@@ -204,6 +204,11 @@ def load_engine(name: str) -> Engine | WaveEngine:
     return cast("Engine | WaveEngine", loaded() if isinstance(loaded, type) else loaded)
 
 
+def even_waves(budget: int, each: int, first: int = 0) -> list[int]:
+    """Sizes of waves of `each` candidates and what is left, from candidate `first` on, until there are `budget`."""
+    return [min(each, budget - begin) for begin in range(first, budget, each)]
+
+
 def seen_by(wave: Wave, history: Sequence[Observation]) -> Sequence[Observation]:
     """The records that a wave may see, however many more have come in."""
     return history[: bisect_left(history, wave.sees, key=lambda o: o.wave)]

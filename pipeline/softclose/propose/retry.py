@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from softclose.propose.extensions import extensions
 from softclose.propose.origins import RETRY
-from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.propose.protocol import Observation, Problem, Proposal, Wave, even_waves
 from softclose.waveform import Waveform
 
 
@@ -18,8 +18,7 @@ class RetryEngine:
 
     def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
         """As many together as in a generation of a descent."""
-        each = problem.config.explore.generation
-        return [min(each, budget - begin) for begin in range(0, budget, each)]
+        return even_waves(budget, problem.config.explore.generation)
 
     def propose_wave(
         self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]

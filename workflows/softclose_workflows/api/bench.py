@@ -22,7 +22,7 @@ from softclose.config import CampaignConfig, load_config
 from softclose.metrics.objective import CM_S, Assessment, Judged
 from softclose.plugins import ENGINES, MEASURED
 from softclose.waveform import Waveform
-from softclose_store import Best, DriverStore, open_campaign, store_state, write_block
+from softclose_store import Best, Campaign, DriverStore, open_campaign, store_state, write_block
 from softclose_workflows.analyses.certificates import write_certificate
 from softclose_workflows.analyses.certification import Certification, Request, assemble, assess_fresh, candidate_name
 from softclose_workflows.analyses.certify import check_size
@@ -170,9 +170,7 @@ class Bench:
     @property
     def waveform(self) -> Waveform:
         """The best candidate's. Raises BenchError before the first usable one is committed."""
-        if self.best is None:
-            raise BenchError(f"{self.path} has no usable candidate yet: tell some measurements first")
-        return Waveform.from_rows(self.best.waveform)
+        return Waveform.from_rows(_best_of(open_campaign(self.path)).waveform)
 
     def ask(self) -> Suggestion:
         """The next waveform to measure: the same one until it is told. Raises BenchError where the budget is spent."""
@@ -238,9 +236,8 @@ class Bench:
         kept in the store as any other, and `export`, `report` and `compare` follow it. Raises CertifyError for too few
         devices.
         """
-        campaign, best = open_campaign(self.path), self.best
-        if best is None:
-            raise BenchError(f"{self.path} has no usable candidate yet: tell some measurements first")
+        campaign = open_campaign(self.path)
+        best = _best_of(campaign)
         index = best.candidate if candidate is None else candidate
         n = np.size(speeds_cm_s)
         check_size(self.config, n, 1)
@@ -277,6 +274,13 @@ class Bench:
         response[:, PLACE["closed"]] = measured.closed
         response[:, PLACE["status"]] = measured.status
         return arrays
+
+
+def _best_of(campaign: Campaign) -> Best:
+    best = campaign.best()
+    if best is None:
+        raise BenchError(f"{campaign.path} has no usable candidate yet: tell some measurements first")
+    return best
 
 
 def _judged(speeds_cm_s: ArrayLike, closed: ArrayLike | None, status: ArrayLike | None, n: int) -> Judged:

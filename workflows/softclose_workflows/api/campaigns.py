@@ -24,6 +24,7 @@ from softclose_workflows.api.results import CampaignRun, Result, metrics
 from softclose_workflows.run import extension
 from softclose_workflows.run.driving import drive
 from softclose_workflows.run.executors import Placement
+from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.warm_start import warm_started
 from softclose_workflows.tell.outputs import check_file, default_name, whole_file, write_text
 
@@ -103,7 +104,7 @@ def certify(
 ) -> Result[Certification]:
     """Certify the best candidates on fresh switches and keep the certificate in the store, as `softclose certify`."""
     path = os.fspath(store)
-    found = certify_store(path, n_switches=n_switches, seed=seed, top=top, threads=threads or os.cpu_count() or 1)
+    found = certify_store(path, n_switches=n_switches, seed=seed, top=top, threads=threads or n_cores())
     rows = [
         {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.flattery_cm_s}
         for d in (*found.candidates, *found.references)

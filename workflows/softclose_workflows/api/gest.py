@@ -89,7 +89,8 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             self._begin_with(others)
         for result in results:
             if "_id" in result:
-                self._told[result["_id"]] = self._observation(self._out.pop(result["_id"]), result)
+                i = result["_id"]
+                self._told[i] = self._observation(i, self._out.pop(i), result)
         self._move_on()
 
     def _validate_vocs(self, vocs: VOCS) -> None:
@@ -161,12 +162,11 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             i, proposal = self._ready[known]
             assert i == k
             del self._ready[known]
-            self._told[i] = self._observation(proposal, point, index=i)
+            self._told[i] = self._observation(i, proposal, point)
         self._move_on()
 
-    def _observation(self, proposal: Proposal, result: Mapping[str, Any], index: int | None = None) -> Observation:
-        i = int(result["_id"]) if index is None else index
-        g = float(result[getattr(self, "_objective", OBJECTIVE)])
+    def _observation(self, i: int, proposal: Proposal, result: Mapping[str, Any]) -> Observation:
+        g = float(result[self._objective])
         numbers = {name: float(result.get(name, math.nan)) for name in ("g_se_cm_s", "v_u_cm_s", "mean_cm_s")}
         return Observation(
             index=i,

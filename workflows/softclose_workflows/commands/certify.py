@@ -33,17 +33,14 @@ def certify(
     Certifications on different numbers of switches are kept side by side; the one on the most switches counts for
     `export`, `report` and `compare`.
     """
-    import os
-
     from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification
     from softclose_workflows.analyses.certify import certify as run
+    from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
 
     with bar("certifying", quiet=quiet) as listener:
-        result = run(
-            store, n_switches=switches, seed=seed, top=top, threads=threads or os.cpu_count() or 1, listener=listener
-        )
+        result = run(store, n_switches=switches, seed=seed, top=top, threads=threads or n_cores(), listener=listener)
     if as_json:
         click.echo(json_text(certification_to_json(result)))
     else:

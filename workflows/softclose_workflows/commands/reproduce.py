@@ -37,9 +37,8 @@ def reproduce(
 
     Stopped or killed, the same command continues; what is finished is not computed again.
     """
-    import os
-
     from softclose_workflows.figures.reproduction import draw_all
+    from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.studies.reproduce import QUICK, QUICK_SWITCHES, print_reproduction, to_json
     from softclose_workflows.studies.reproduce import reproduce as run
     from softclose_workflows.studies.series import Effort
@@ -50,7 +49,7 @@ def reproduce(
         n_switches=switches or (QUICK_SWITCHES if quick else 100_000),
         top=3 if quick else 10,
         placement=placement,
-        threads=os.cpu_count() or 1,
+        threads=n_cores(),
         quiet=quiet or as_json,
     )
     rows = run(out, effort, (*(QUICK if quick else ()), *overrides))

@@ -39,8 +39,7 @@ def study(
 
     Stopped or killed, the same command continues; what is finished is not computed again.
     """
-    import os
-
+    from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.studies.series import Effort
     from softclose_workflows.studies.study import print_study, run_study
     from softclose_workflows.studies.study_file import load_study
@@ -50,7 +49,7 @@ def study(
         n_switches=switches,
         top=top,
         placement=placement,
-        threads=os.cpu_count() or 1,
+        threads=n_cores(),
         quiet=quiet or as_json,
     )
     result = run_study(load_study(source, overrides), out, effort)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,6 +11,7 @@ from softclose.metrics.paired import Comparison, compare
 from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.gather import gather
+from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.plain import waveform_rows
 
@@ -72,7 +72,7 @@ def _on_fresh(entry: Entry, n: int, seed: int) -> Entry:
         return entry
     check_fresh(n, 1)
     config = entry.data.config
-    (response,) = simulate_fresh(config, [entry.design.waveform], n_switches=n, seed=seed, threads=os.cpu_count() or 1)
+    (response,) = simulate_fresh(config, [entry.design.waveform], n_switches=n, seed=seed, threads=n_cores())
     design = replace(
         entry.design,
         speed_cm_s=response.max_contact_speed * CM_S,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -78,6 +79,12 @@ class Candidates:
 
     def __len__(self) -> int:
         return len(self.origin)
+
+    @property
+    def ranked(self) -> list[int]:
+        """All of them: the largest ensemble first, since a small one flatters, then by g; those without g last."""
+        g = self.columns["g_cm_s"]
+        return sorted(range(len(self)), key=lambda i: (math.isnan(g[i]), -int(self.n_switches[i]), g[i]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -112,10 +112,9 @@ def _waveform(rows: FloatArray) -> Waveform | None:
 
 def _picks(candidates: Candidates, best: int | None) -> list[int]:
     """Candidates that a reader may pick, in order of their index."""
-    usable = np.flatnonzero(~candidates.failed & np.isfinite(candidates.columns["g_cm_s"]))
-    # Those on the largest ensemble first, as in the table.
-    order = usable[np.lexsort((candidates.columns["g_cm_s"][usable], -candidates.n_switches[usable]))][:MAX_PICKS]
-    return sorted({int(i) for i in order} | ({best} if best is not None else set()))
+    usable = ~candidates.failed & np.isfinite(candidates.columns["g_cm_s"])
+    order = [i for i in candidates.ranked if usable[i]][:MAX_PICKS]
+    return sorted({*order} | ({best} if best is not None else set()))
 
 
 def _traces(campaign: Campaign, i: int, responses: StoredResponses, travel_um: FloatArray, step: int) -> Traces | None:

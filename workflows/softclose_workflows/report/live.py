@@ -22,11 +22,11 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from softclose import __version__
-from softclose_store import StoreError, lock_holder, open_campaign
+from softclose_store import Holder, StoreError, lock_holder, open_campaign
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_live, render_report
-from softclose_workflows.report.shapes import best_so_far
-from softclose_workflows.tell.standing import read_standing
+from softclose_workflows.report.shapes import best_so_far, changes
+from softclose_workflows.tell.standing import standing_of
 from softclose_workflows.tell.watch import pace
 
 EVERY_S = 1.0
@@ -64,7 +64,7 @@ class Folder:
     """The stores of a folder. What has not changed on the disk is not read again."""
 
     path: Path
-    _known: dict[Path, tuple[tuple[int, bool], State]] = field(default_factory=dict)
+    _known: dict[Path, tuple[tuple[int, Holder | None], State]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def stores(self) -> dict[str, Path]:
@@ -80,26 +80,26 @@ class Folder:
             found = []
             for name, path in self.stores().items():
                 try:
-                    version = ((path / "zarr.json").stat().st_mtime_ns, lock_holder(path) is not None)
+                    holder = lock_holder(path)
+                    version = (path / "zarr.json").stat().st_mtime_ns, holder
                 except OSError:
                     continue
                 if self._known.get(path, (None,))[0] != version:
-                    self._known[path] = version, _read(name, path)
+                    self._known[path] = version, _read(name, path, holder)
                 found.append(self._known[path][1])
             return found
 
 
-def _read(name: str, path: Path) -> State:
+def _read(name: str, path: Path, holder: Holder | None) -> State:
     report = f"report/{quote(name)}"
     try:
-        standing = read_standing(str(path))
-        records = open_campaign(path).records()
-        holder = lock_holder(path)
+        campaign = open_campaign(path)
+        standing, records = standing_of(campaign, name), campaign.records()
     except (StoreError, OSError, ValueError) as e:
         return State(store=name, report=report, problem=str(e))
     usable = np.flatnonzero(np.isfinite(records["g_cm_s"]) & ~records["failed"])
     best, larger = best_so_far(usable, records["g_cm_s"][usable], records["n_switches"][usable])
-    changes = np.unique([0, *(np.flatnonzero(np.diff(best)) + 1)]) if best.size else np.empty(0, dtype=int)
+    steps = changes(best)
     b = standing.best
     n_left = standing.budget - standing.committed
     _, left = pace(records["wall_committed_unix_s"], records["n_switches"], records["wave"], n_left)
@@ -119,7 +119,7 @@ def _read(name: str, path: Path) -> State:
             "p_nc": b.p_nc,
             "n_switches": b.n_switches,
         },
-        history=([int(i) for i in usable[changes]], [round(float(g), 4) for g in best[changes]]),
+        history=([int(i) for i in usable[steps]], [round(float(g), 4) for g in best[steps]]),
         larger=larger,
         left_s=left if math.isfinite(left) and not standing.finished else None,
         driver="" if holder is None else str(holder),

@@ -56,35 +56,28 @@ def render(template: str, *, payload: dict[str, Any], **context: Any) -> str:
     """One of the page templates, with the scripts, the style and the data inlined."""
     from markupsafe import Markup
 
-    library, script = _library(), _asset("page.js")
-    return (
-        _environment()
-        .get_template(template)
-        .render(
-            library=Markup(library),
-            script=Markup(script),
-            style=Markup(_roles() + _asset("page.css")),
-            payload=Markup(_json(payload)),
-            script_digests=[_digest(library), _digest(script)],
-            version=__version__,
-            **context,
-        )
-    )
+    scripts = {"library": _library(), "script": _asset("page.js")}
+    return _filled(template, scripts, payload=Markup(_json(payload)), **context)
 
 
 def render_live() -> str:
     """The page of `softclose serve`, which asks its server, and nobody else, for what it shows."""
+    return _filled("live.html.j2", {"script": _asset("live.js")})
+
+
+def _filled(template: str, scripts: dict[str, str], **context: Any) -> str:
+    """A template with the style and its scripts, which the policy lets run by their digests; all else is escaped."""
     from markupsafe import Markup
 
-    script = _asset("live.js")
     return (
         _environment()
-        .get_template("live.html.j2")
+        .get_template(template)
         .render(
-            script=Markup(script),
+            **{name: Markup(script) for name, script in scripts.items()},
+            script_digests=[_digest(script) for script in scripts.values()],
             style=Markup(_roles() + _asset("page.css")),
-            script_digests=[_digest(script)],
             version=__version__,
+            **context,
         )
     )
 

@@ -81,12 +81,9 @@ class Convergence:
     """(candidate, switches) from which on a larger ensemble is used, where one follows a smaller one."""
 
     @property
-    def steps(self) -> FloatArray:
+    def steps(self) -> NDArray[np.intp]:
         """(m,) places where the best so far begins, changes and ends: its line needs no others."""
-        if not self.best_cm_s.size:
-            return np.empty(0, dtype=np.intp)
-        changes = np.flatnonzero(np.diff(self.best_cm_s)) + 1
-        return np.unique([0, *changes, self.best_cm_s.size - 1])
+        return np.unique([*changes(self.best_cm_s), *range(self.best_cm_s.size)[-1:]]).astype(np.intp)
 
 
 def convergence(data: ReportData) -> Convergence:
@@ -110,6 +107,11 @@ def convergence(data: ReportData) -> Convergence:
         failed=np.setdiff1d(np.arange(len(data.candidates)), usable).astype(np.float64),
         larger=larger,
     )
+
+
+def changes(values: FloatArray) -> NDArray[np.intp]:
+    """(m,) places where values (n,) begin and where they change."""
+    return np.flatnonzero(np.diff(values, prepend=np.nan))
 
 
 def best_so_far(

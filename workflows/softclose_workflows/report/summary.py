@@ -132,12 +132,8 @@ MOST_ROWS = 200
 def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
     """Rows of the table, the best first, `MOST_ROWS` at most; each cell has its text and what it sorts by."""
     t, rows = data.candidates, []
-    g = t.columns["g_cm_s"]
-    # A small ensemble flatters its optimum: those on the largest come first.
-    ranked = sorted(range(len(t)), key=lambda i: (math.isnan(g[i]), -int(t.n_switches[i]), g[i]))
-    place = {i: rank for rank, i in enumerate(ranked)}
     limit = f"{data.config.objective.limits_cm_s[0]:g}" if data.config.objective.limits_cm_s else ""
-    for i in ranked[:MOST_ROWS]:
+    for place, i in enumerate(t.ranked[:MOST_ROWS]):
         c = {name: float(values[i]) for name, values in t.columns.items()}
         cells = [
             _cell(c["g_cm_s"], number(c["g_cm_s"], 2), interval(c["g_lower_cm_s"], c["g_upper_cm_s"])),
@@ -162,7 +158,7 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
                 "cells": cells,
                 "switches": int(t.n_switches[i]),
                 "best": i == data.best,
-                "beyond_print": place[i] >= 30,
+                "beyond_print": place >= 30,
             }
         )
     return rows

@@ -11,7 +11,7 @@ import numpy as np
 from softclose.metrics.intervals import proportion
 from softclose.metrics.limit import Limit, limit_on
 from softclose.propose.origins import FALLBACK
-from softclose_store import Best, open_campaign
+from softclose_store import Best, Campaign, open_campaign
 from softclose_workflows.tell.plain import finite, waveform_rows
 
 
@@ -77,12 +77,16 @@ def best_to_json(best: Best) -> dict[str, Any]:
 
 def read_standing(path: str) -> Standing:
     """Read the standing of the campaign at path, also while it is being written."""
-    campaign = open_campaign(path)
+    return standing_of(open_campaign(path), path)
+
+
+def standing_of(campaign: Campaign, store: str) -> Standing:
+    """The standing of a campaign as last refreshed; store: what to call it."""
     best, records = campaign.best(), campaign.records()
     stands_in = np.array([origin == FALLBACK for origin in records["origin"]], dtype=np.bool_)
     reasons = [*records["failure"][records["failed"]], *records["note"][stands_in]]
     return Standing(
-        store=path,
+        store=store,
         name=str(campaign.config["campaign"]["name"]),
         committed=campaign.committed,
         budget=campaign.budget,
