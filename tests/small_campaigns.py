@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
+from typing import Any
 
 from softclose.config import load_config
 from softclose_store import DriverStore
@@ -13,6 +14,7 @@ from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.protocol import Event
 from softclose_workflows.run.executors.serial import SerialExecutor
+from softclose_workflows.run.tasks import BlockTask
 
 FINISHED = (
     "campaign.budget=12",
@@ -94,3 +96,10 @@ def make_campaign(path: Path, *settings: str, run: bool = True) -> str:
         with DriverStore(path) as store:
             Driver(store, SerialExecutor()).run()
     return str(path)
+
+
+def block_task(**given: Any) -> BlockTask:
+    """A task of one block, of no waveform and one switch but for what is given."""
+    least: dict[str, Any] = {"store": "", "fingerprint": "", "stage": "search", "row": 0, "column": 0, "first": 0}
+    least |= {"start": 0, "stop": 1, "waveforms": (), "proposals_digest": 0}
+    return BlockTask(**(least | given))

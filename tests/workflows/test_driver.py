@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from small_campaigns import COARSE, COMPLETE, make_campaign
+from small_campaigns import COARSE, COMPLETE, block_task, make_campaign
 from softclose import Observation, Problem, Proposal, Wave, Waveform
 from softclose.propose import plan, proposer
 from softclose.propose.sobol import sobol_points
@@ -214,37 +214,13 @@ def test_no_more_blocks_are_sent_than_the_workers_can_use_soon() -> None:
     client: Any = Client()
     executor = DaskExecutor(client, None, 30.0)
     for row in range(100):
-        executor.submit(
-            BlockTask(
-                store="",
-                fingerprint="",
-                stage="search",
-                row=row,
-                column=0,
-                first=row,
-                start=0,
-                stop=1,
-                waveforms=(),
-                proposals_digest=row,
-            )
-        )
+        executor.submit(block_task(row=row, first=row, proposals_digest=row))
     assert client.sent == 2 * LIVE_PER_WORKER
 
 
 def test_a_block_that_fails_in_this_process_comes_back_with_its_failure(tmp_path: Path) -> None:
     executor = SerialExecutor()
-    task = BlockTask(
-        store=str(tmp_path / "none.zarr"),
-        fingerprint="",
-        stage="search",
-        row=0,
-        column=0,
-        first=0,
-        start=0,
-        stop=1,
-        waveforms=(),
-        proposals_digest=0,
-    )
+    task = block_task(store=str(tmp_path / "none.zarr"))
     assert executor.next_event(0.0) is None
     executor.submit(task)
     event = executor.next_event(0.0)
