@@ -227,4 +227,6 @@ def test_inputs_are_coordinates_and_the_free_swing():
     inside = np.abs(swing.v[:, 0]) <= FARTHEST
     np.testing.assert_allclose(2.0 * FARTHEST * (v[inside] - 0.5), swing.v[inside, 0], atol=1e-12)
     np.testing.assert_allclose(2.0 * FARTHEST * (x - 0.5), np.clip(swing.x[:, 0], -FARTHEST, FARTHEST), atol=1e-12)
-    assert set(v[~inside]) <= {0.0, 1.0} and (~inside).any() and (x == 1.0).any()
+    assert set(v[~inside]) <= {0.0, 1.0}
+    assert (~inside).any()
+    assert (x == 1.0).any()
