@@ -143,9 +143,8 @@ def test_one_descent_goes_on_once_and_what_else_it_found_begins_afresh():
 
 def test_the_better_half_of_the_polished_goes_on():
     """As the larger ensemble ranks the basins: the one it prefers gets the later generations."""
-    problem = cmaes()
+    problem, begin = cmaes(), 200
     for favourite in (0, 1, 2):
-        begin = 200
         centres = {}
 
         def g(x, i, favourite=favourite, centres=centres):

@@ -450,3 +450,34 @@ def test_a_group_replaces_another_whole(finished):
     assert verify(finished).ok
     with pytest.raises(StoreError, match="has a group certification/one already"):
         write_group(finished, GROUP, {}, {})
+
+
+def test_damage_of_every_kind_in_one_store_is_repaired_in_one_go(finished, original):
+    """A group that cannot be made again does not keep the ones after it from being repaired, in whatever order."""
+    for name in ("certification/aaa", "certification/mmm", "certification/zzz"):
+        write_group(finished, name, {"speed": GroupArray(dims=("s",), values=np.arange(3.0), unit="cm/s")}, {})
+    shutil.copytree(finished / "certification/mmm", finished.parent / "intact")
+    for name in ("aaa", "one", "zzz"):
+        (finished / f"certification/{name}/speed/c/0").write_bytes(b"\x00")
+    (finished / "certification/mmm/zarr.json").unlink()
+    for key in ("search/x/c.2.1.0", "records/c.0.0"):
+        (finished / key).write_bytes(b"\x00")
+    done = repair(finished, recompute())
+    assert [line.partition(":")[0] for line in done.failed] == ["group certification/aaa", "group certification/zzz"]
+    assert contents(finished / "certification/mmm") == contents(finished.parent / "intact")
+    for name in ("aaa", "zzz"):
+        shutil.rmtree(finished / f"certification/{name}")
+    shutil.rmtree(finished / "certification/mmm")
+    assert verify(finished).ok
+    assert contents(finished) == contents(original)
+
+
+def test_a_group_made_again_is_proved_only_where_it_is_the_same(finished):
+    def other(path, name):
+        write_group(path, name, {"speed": GroupArray(dims=("s",), values=np.ones(9), unit="cm/s")}, {}, replace=True)
+        return ""
+
+    (finished / "certification/one/speed/c/0").write_bytes(b"\x00")
+    done = repair(finished, recompute(group=other))
+    assert done.ok
+    assert (done.proved, done.unproved) == ((), ("group certification/one computed again",))

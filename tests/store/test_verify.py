@@ -272,3 +272,18 @@ def test_an_array_with_the_metadata_of_a_larger_one_is_not_read_by_it(finished, 
             DriverStore(finished)
         with pytest.raises(DamageError, match="run `softclose verify"):
             open_campaign(finished).records()
+
+
+@pytest.mark.parametrize("key", ["D/c.0", "finish/time/c.0", "search/x/zarr.json", "zarr.json"])
+def test_damage_is_told_by_the_key_of_the_file_that_is_damaged(finished, key):
+    """What repair goes by."""
+    (finished / key).write_bytes(b"\x00")
+    assert key in {p.key for p in verify(finished).problems}
+
+
+def test_a_store_of_whose_root_nothing_is_left_has_nothing_committed(finished):
+    for key in ("zarr.json", "digests/root.json"):
+        (finished / key).write_bytes(b"\x00")
+    report = verify(finished)
+    assert report.n_committed == 0
+    assert "its copy is damaged too" in report.problems[0].what
