@@ -75,7 +75,7 @@ def test_a_simplex_at_the_edge_of_the_cube_turns_inwards():
     turned = start + 0.1 >= 1.0
     assert turned.sum() >= 3
     for i in np.flatnonzero(turned):
-        assert steps[:, i].min() < -0.05
+        assert -0.2 < steps[:, i].min() < -0.05
 
 
 def test_where_a_simplex_has_come_to_an_end_the_next_basin_is_walked_from():
@@ -90,13 +90,14 @@ def test_where_a_simplex_has_come_to_an_end_the_next_basin_is_walked_from():
     assert np.linalg.norm(points[began - 1] - first) < 1e-3
 
 
-def test_a_walk_needs_all_digits_before_it_ends():
-    """Differences of a hundredth of a cm/s still shrink the simplex."""
-    problem = problem_of("sobol", 16, finish=NELDER_MEAD | {"budget": 200})
-    history = walked(problem, lambda x, i: 15.0 + 0.02 * float(((x - 0.4) ** 2).mean()))
+def test_a_small_simplex_that_still_improves_goes_on():
+    """Differences of a hundredth of a cm/s between its corners are no reason to end."""
+    problem = problem_of("sobol", 16, finish=NELDER_MEAD | {"budget": 120, "sigma": 0.002})
+    history = walked(problem, bowl)
     ranked = sorted((o for o in history if o.origin == RERANK), key=lambda o: o.g_cm_s)
-    second = problem.space.unit(ranked[1].waveform, clip=True)
-    assert np.abs(np.linalg.norm(polished(problem, history) - second, axis=1) - 0.1).min() > 1e-6
+    others = np.array([problem.space.unit(o.waveform, clip=True) for o in ranked[1:]])
+    points = polished(problem, history)
+    assert np.linalg.norm(points[:, None] - others, axis=2).min() > 0.003
 
 
 def test_points_that_fill_a_wave_lie_beside_the_best_basin():

@@ -50,7 +50,7 @@ class FinishEngine:
         basins = distinct_basins(problem, history[:begin], settings.n_basins, settings.distance)
         if wave.start == begin:
             found = [Proposal(waveform=o.waveform, origin=RERANK, n_switches=wave.n_switches) for o in basins]
-            return (found + _beside(problem, wave, basins[:1]))[: wave.size]
+            return (found + _beside(problem, wave, next(iter(basins), None)))[: wave.size]
         finished = [o for o in history[begin:] if o.usable]
         if settings.method == "cmaes":
             points = _descend(problem, wave, history, basins)
@@ -62,8 +62,8 @@ class FinishEngine:
             points = _walk(problem, finished)
         waveforms = problem.space.waveforms(points[: wave.size]) if len(points) else []
         found = [Proposal(waveform=w, origin=POLISH, n_switches=wave.n_switches) for w in waveforms]
-        best = min(finished, key=lambda o: (o.g_cm_s, o.index), default=None)
-        return (found + _beside(problem, wave, [best] if best else basins[:1]))[: wave.size]
+        best = min(finished or basins[:1], key=lambda o: (o.g_cm_s, o.index), default=None)
+        return (found + _beside(problem, wave, best))[: wave.size]
 
 
 def _begin_of_stage(problem: Problem) -> int:
@@ -82,16 +82,16 @@ def _polish_ladder(problem: Problem) -> Ladder:
     )
 
 
-def _beside(problem: Problem, wave: Wave, around: Sequence[Observation]) -> list[Proposal]:
+def _beside(problem: Problem, wave: Wave, around: Observation | None) -> list[Proposal]:
     """As many points as the wave has, near a record or, where nothing is usable, anywhere."""
     space = problem.space
     draw = problem.generator("beside", wave.start)
-    if around:
-        centre = space.unit(around[0].waveform, clip=True)
+    if around is not None:
+        centre = space.unit(around.waveform, clip=True)
         points = centre + 0.5 * problem.config.finish.sigma * draw.standard_normal((wave.size, space.dim))
     else:
         points = draw.random((wave.size, space.dim))
-    note = "" if around else "no usable candidate to finish"
+    note = "" if around is not None else "no usable candidate to finish"
     return [Proposal(waveform=w, origin=EXTRA, n_switches=wave.n_switches, note=note) for w in space.waveforms(points)]
 
 
