@@ -19,7 +19,12 @@ author = "The Softclose founders"
 copyright = "2026, The Softclose founders"
 version = release = __version__
 
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "sphinx_click"]
+numpydoc_show_class_members = False
+default_role = "literal"
+autodoc_default_options = {"imported-members": True, "undoc-members": False}
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "results"]
@@ -39,3 +44,9 @@ def setup(app):
 
     add_mathml(app)
     app.add_lexer("csv", TextLexer)
+    app.connect("sphinx-click-process-epilog", set_examples)
+
+
+def set_examples(_app, _context, lines):
+    """The examples below a command's help as they are typed."""
+    lines[:] = [".. code-block:: text", "", *(f"    {line.removeprefix('| ')}" for line in lines), ""] if lines else []

@@ -1,14 +1,13 @@
-"""Owns the generated reference: command line, configuration, store schema and Python interface, as Markdown.
+"""Owns the reference that no stock tool knows how to write: configuration, store schema and old addresses, as Markdown.
 
-Everything comes from the code that it describes: click's commands, the configuration's fields with their docstrings,
-the table of arrays, the public names. A page can be incomplete only where the code says nothing.
+Everything comes from the code that it describes: the configuration's fields with their docstrings, the table of arrays.
+The command line and the Python interface are written by sphinx-click and Sphinx's own autodoc.
 """
 
 from __future__ import annotations
 
 import ast
 import dataclasses
-import importlib
 import inspect
 import itertools
 import re
@@ -16,8 +15,6 @@ import textwrap
 import typing
 from pathlib import Path
 from typing import Any
-
-import click
 
 from softclose.moved import MOVED
 
@@ -27,7 +24,7 @@ GENERATED = "<!-- Generated from the code by docs/reference_pages.py; changes he
 def write_reference(folder: Path) -> None:
     """Write the generated pages; leaves files alone that are the same already."""
     folder.mkdir(exist_ok=True)
-    pages = {"cli": cli_page, "configuration": configuration_page, "schema": schema_page, "api": api_page}
+    pages = {"configuration": configuration_page, "schema": schema_page, "moved": moved_page}
     for name, page in pages.items():
         text, target = GENERATED + page(), folder / f"{name}.md"
         if not target.exists() or target.read_text(encoding="utf-8") != text:
@@ -48,41 +45,6 @@ def cell(text: str) -> str:
 def paragraphs(docstring: str | None) -> str:
     """A docstring as Markdown paragraphs."""
     return "\n\n".join(cell(p) for p in re.split(r"\n\s*\n", inspect.cleandoc(docstring or "")))
-
-
-def cli_page() -> str:
-    """Every command: usage, what it does, arguments and options, examples."""
-    from softclose_workflows.cli import main
-
-    lines = ["# Command line", ""]
-    _command(main, ("softclose",), lines)
-    return "\n".join(lines) + "\n"
-
-
-def _command(command: click.Command, path: tuple[str, ...], lines: list[str]) -> None:
-    context = click.Context(command, info_name=" ".join(path), help_option_names=["-h", "--help"])
-    usage = " ".join(command.collect_usage_pieces(context))
-    lines += [
-        f"## `{' '.join(path)}`",
-        "",
-        "```text",
-        f"{' '.join(path)} {usage}",
-        "```",
-        "",
-        paragraphs(command.help),
-        "",
-    ]
-    records = [p.get_help_record(context) for p in command.get_params(context) if isinstance(p, click.Option)]
-    rows = [row for row in records if row is not None]
-    if rows:
-        lines += ["| option | meaning |", "| --- | --- |"]
-        lines += [f"| `{option.replace('|', chr(92) + '|')}` | {cell(meaning)} |" for option, meaning in rows] + [""]
-    if command.epilog:
-        lines += ["```text", inspect.cleandoc(command.epilog).replace("\b\n", "").strip(), "```", ""]
-    if isinstance(command, click.Group):
-        arguments = tuple(p.make_metavar(context) for p in command.params if isinstance(p, click.Argument))
-        for name, sub in sorted(command.commands.items()):
-            _command(sub, (*path, *arguments, name), lines)
 
 
 def field_docs(cls: type) -> dict[str, str]:
@@ -226,29 +188,10 @@ def _per_limit(field: Any) -> str:
     return f"{field.long_name}; one for each limit" if field.per_limit else str(field.long_name)
 
 
-MODULES = {
-    "softclose": "The science: simulate ensembles, assess waveforms, describe populations.",
-    "softclose_store": "The store: read campaigns; create and drive them.",
-}
-
-
-def api_page() -> str:
-    """Every public name of the two libraries: signature, docstring, fields; then where old addresses lead."""
+def moved_page() -> str:
+    """Where the addresses of modules that documents of version 0.1 name lead."""
     lines = [
-        "# Python interface",
-        "",
-        "Public is what these two packages export. Modules below them may move; the pages here import from some of "
-        "them where a name is not exported.",
-        "",
-    ]
-    for module_name, purpose in MODULES.items():
-        module = importlib.import_module(module_name)
-        lines += [f"## {module_name}", "", purpose, ""]
-        for name in module.__all__:
-            if not name.startswith("__"):
-                _public(f"{module_name}.{name}", getattr(module, name), lines)
-    lines += [
-        "## Addresses of version 0.1",
+        "# Addresses of version 0.1",
         "",
         "Modules that documents had named, and where they are now. The old address still imports the very same module.",
         "",
@@ -257,37 +200,3 @@ def api_page() -> str:
         *(f"| `{old}` | `{now}` |" for old, now in sorted(MOVED.items())),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _public(name: str, value: Any, lines: list[str]) -> None:
-    if inspect.isclass(value):
-        lines += [f"### `{name}`", "", paragraphs(value.__doc__), ""]
-        docs = field_docs(value)
-        lines += [f"- `{field}`: {cell(text)}" for field, text in docs.items() if not field.startswith("_")] + [""]
-        for member, found in vars(value).items():
-            if member.startswith("_") or member in docs:
-                continue
-            found = found.__func__ if isinstance(found, classmethod | staticmethod) else found
-            if isinstance(found, property):
-                lines += [f"- `{member}` (property): {cell(found.__doc__ or '')}"]
-            elif inspect.isfunction(found):
-                lines += [f"- `{member}{_signature(found)}`: {cell(found.__doc__ or '')}"]
-        lines.append("")
-    elif callable(value):
-        lines += [
-            f"### `{name}`",
-            "",
-            "```text",
-            f"{name.rpartition('.')[2]}{_signature(value)}",
-            "```",
-            "",
-            paragraphs(value.__doc__),
-            "",
-        ]
-    else:
-        lines += [f"### `{name}`", "", f"`{value!r}`", ""]
-
-
-def _signature(function: Any) -> str:
-    text = str(inspect.signature(function)).replace("'", "")
-    return re.sub(r"\b(?:np|numpy|typing|collections\.abc)\.", "", text)

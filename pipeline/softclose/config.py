@@ -390,7 +390,18 @@ class CampaignConfig:
         MODELS.check(self.model.name)
 
     def revised(self, overrides: Iterable[str]) -> CampaignConfig:
-        """The same campaign with `section.key=value` overrides; what was written out stays. Raises ConfigError."""
+        """The same campaign with other values; what was written out stays.
+
+        Parameters
+        ----------
+        overrides : iterable of str
+            `section.key=value` each.
+
+        Raises
+        ------
+        ConfigError
+            Naming every problem.
+        """
         data = self.to_dict()
         for override in overrides:
             _apply(data, override)
@@ -407,13 +418,35 @@ class CampaignConfig:
         return self.first_budget + sum(map(extension_size, self.campaign.extensions))
 
     def extended(self, total: int) -> CampaignConfig:
-        """The same campaign with candidates added up to `total`. Raises ConfigError where it has as many."""
+        """The same campaign with candidates added.
+
+        Parameters
+        ----------
+        total : int
+            Candidates in all.
+
+        Raises
+        ------
+        ConfigError
+            Where it has as many.
+        """
         if total <= self.total_budget:
             raise ConfigError(f"the campaign has {self.total_budget} candidates; give a larger total than {total}")
         return self._with_extension(total - self.total_budget)
 
     def retried(self, candidates: Sequence[int]) -> CampaignConfig:
-        """The same campaign with earlier candidates to be computed again at its end. Raises ConfigError."""
+        """The same campaign with earlier candidates to be computed again at its end.
+
+        Parameters
+        ----------
+        candidates : sequence of int
+            Their indices.
+
+        Raises
+        ------
+        ConfigError
+            Where one is no candidate of the campaign.
+        """
         return self._with_extension(list(candidates))
 
     def _with_extension(self, what: int | list[int]) -> CampaignConfig:
@@ -489,10 +522,23 @@ _SECTIONS = (
 
 
 def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> CampaignConfig:
-    """Read a preset by name, a TOML file or a mapping, apply `section.key=value` overrides, validate.
+    """Read a preset by name, a TOML file or a mapping, apply overrides, validate.
 
-    Relative paths of populations are taken from the TOML's own folder.
-    Raises ConfigError naming every problem: what was got, what is allowed.
+    Parameters
+    ----------
+    source : str, Path or mapping
+        Relative paths of populations are taken from the TOML's own folder.
+    overrides : iterable of str
+        `section.key=value` each.
+
+    Returns
+    -------
+    CampaignConfig
+
+    Raises
+    ------
+    ConfigError
+        Naming every problem: what was got, what is allowed.
     """
     if isinstance(source, Mapping):
         data, where = _copy(source), None

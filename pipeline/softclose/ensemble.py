@@ -116,14 +116,51 @@ def simulate(
 ) -> Responses:
     """Integrate Eqs. 1-2 for every switch under one waveform.
 
-    switches: (n, 4) float64, columns D [µm], G [µm], K [N/m], M [µg]. times_us: sorted (n_time,) in [0, horizon] [µs]
-    to sample x and v at, written as `dtype`. rtol: local error per step relative to travels of 1 µm and speeds of 0.1
-    µm/µs. v_stick: rebound speed [µm/µs] below which a pressed switch is held (SPEC §2). max_impacts: impacts kept per
-    switch. method: "taylor" is the fast kernel, "rk" its readable Runge-Kutta twin. max_steps: work limit per switch.
-
     Row i depends on switches[i] and the settings only: not on other rows, on threads, or on which outputs are wanted.
-    Never raises for a switch that cannot be integrated: see `Responses.status`. Raises SimulationError (a ValueError)
-    for input outside these limits and WaveformError for a waveform above max_volts.
+    Never raises for a switch that cannot be integrated: see `Responses.status`.
+
+    Parameters
+    ----------
+    switches : (n, 4) array-like of float64
+        Columns D [µm], G [µm], K [N/m], M [µg].
+    waveform : Waveform
+        The drive voltage.
+    horizon_us : float
+        End of the simulation [µs].
+    restitution : float
+        Speed after an impact over speed before it, in [0, 1].
+    plate_area_um2 : float
+        Plate area A of Eq. 1 [µm²].
+    rtol : float
+        Local error per step relative to travels of 1 µm and speeds of 0.1 µm/µs.
+    times_us : (n_time,) array-like of float64, optional
+        Sorted instants in [0, horizon] [µs] to sample x and v at.
+    method : {"taylor", "rk"}
+        "taylor" is the fast kernel, "rk" its readable Runge-Kutta twin.
+    threads : int
+        Threads that share the switches.
+    max_impacts : int
+        Impacts kept per switch.
+    dtype : float64 or float32
+        Of the sampled x and v.
+    max_volts : float
+        Waveforms above it [V] are refused.
+    v_stick : float
+        Rebound speed [µm/µs] below which a pressed switch is held (SPEC §2).
+    max_steps : int
+        Work limit per switch.
+
+    Returns
+    -------
+    Responses
+        (n,) arrays, one entry a switch; see there for units.
+
+    Raises
+    ------
+    SimulationError
+        For input outside these limits (a ValueError).
+    WaveformError
+        For a waveform above max_volts.
     """
     table = _check_switches(switches)
     horizon = _number("horizon_us", horizon_us, low=0.0, high=1e6, unit=" µs")

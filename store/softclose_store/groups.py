@@ -73,10 +73,31 @@ def write_group(
     *,
     replace: bool = False,
 ) -> None:
-    """Add a result group `name` (such as `certification/3`) to the store at `path`, as a whole or not at all.
+    """Add a result group to a store, as a whole or not at all.
 
-    Needs no lock: it touches nothing of the campaign. Raises StoreExistsError unless `replace`, DamageError where the
-    group to be replaced lists files that are none of its own, StoreError where a link leads out of the store.
+    Needs no lock: it touches nothing of the campaign.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    name : str
+        Such as `certification/3`.
+    arrays : mapping of str to GroupArray
+        What it holds.
+    attributes : mapping
+        Plain JSON values.
+    replace : bool
+        Put it in the place of one of this name.
+
+    Raises
+    ------
+    StoreExistsError
+        Where there is one, unless `replace`.
+    DamageError
+        Where the group to be replaced lists files that are none of its own.
+    StoreError
+        Where a link leads out of the store.
     """
     check_name(name)
     where = normalised(path)
@@ -161,7 +182,26 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
 
 
 def read_group(path: StorePath, name: str) -> ResultGroup:
-    """Read a result group; raises StoreMissingError where it is not, DamageError where it is not what was written."""
+    """Read a result group.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    name : str
+        Such as `certification/3`.
+
+    Returns
+    -------
+    ResultGroup
+
+    Raises
+    ------
+    StoreMissingError
+        Where it is not.
+    DamageError
+        Where it is not what was written.
+    """
     check_name(name)
     where = normalised(path)
     files = open_files(path, read_only=True)
@@ -179,9 +219,24 @@ def read_group(path: StorePath, name: str) -> ResultGroup:
 
 
 def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
-    """The attributes of a result group, also where arrays of it are damaged; None where its own metadata is.
+    """The attributes of a result group, also where arrays of it are damaged.
 
-    Raises StoreMissingError where there is no such group.
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    name : str
+        Such as `certification/3`.
+
+    Returns
+    -------
+    dict or None
+        None where its own metadata is damaged.
+
+    Raises
+    ------
+    StoreMissingError
+        Where there is no such group.
     """
     content = read_key(open_files(path, read_only=True), f"{name}/zarr.json")
     if content is None:
@@ -225,7 +280,15 @@ def metadata_of(files: Store, name: str, keys: Sequence[str]) -> GroupMetadata |
 
 
 def list_groups(path: StorePath, prefix: str = "") -> list[str]:
-    """Names of the result groups whose name starts with `prefix`, sorted; damaged ones too."""
+    """Names of the result groups, sorted; damaged ones too.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    prefix : str
+        Only those whose name starts with it.
+    """
     files = open_files(path, read_only=True)
     return [name for name in result_groups(files, list_keys(files)) if name.startswith(prefix)]
 

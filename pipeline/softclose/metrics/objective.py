@@ -135,14 +135,45 @@ def assess(
 ) -> Assessment:
     """Assess one waveform: g, v_u, mean V, p_nc and P(V > limit), each with its interval.
 
-    form "penalty": g = v_u + c1 p_nc (Eq. 10). form "chance" (minimise v_u subject to p_nc <= p_max):
-    g = v_u + chance_penalty max(0, p_nc - p_max), an exact penalty: where it outweighs what v_u gains per unit of
-    p_nc (about 25 cm/s at the published optimum) the minimum of g is the constrained one. g has the estimate of p_nc;
-    whether p_max is met is decided by its interval (`limit`, `feasible`).
-    Where fewer than min_contact of the switches touch, v_u counts as undefined_v_u in g and is reported as NaN.
     P(V > limit) has the switches in contact as denominator, as v_u has: a waveform cannot pass by not closing.
-    Intervals hold for independent random sampling only; `intervals_valid` is False for any other `sampling`.
-    Raises ObjectiveError.
+
+    Parameters
+    ----------
+    response : Response
+        max_contact_speed [cm/s] and closed, (n,) each.
+    c1_cm_s : float
+        Weight of p_nc in g (Eq. 10) [cm/s].
+    level : float
+        Level of the quantile v_u.
+    limits_cm_s : sequence of float
+        Speeds [cm/s] whose probability of being exceeded is wanted.
+    sampling : str
+        How the ensemble was drawn. Intervals hold for independent random sampling only; `intervals_valid` is False for
+        any other.
+    form : {"penalty", "chance"}
+        "penalty": g = v_u + c1 p_nc (Eq. 10). "chance" (minimise v_u subject to p_nc <= p_max):
+        g = v_u + chance_penalty max(0, p_nc - p_max), an exact penalty: where it outweighs what v_u gains per unit of
+        p_nc (about 25 cm/s at the published optimum) the minimum of g is the constrained one.
+    p_max : float, optional
+        Largest p_nc of the form "chance". g has the estimate of p_nc; whether p_max is met is decided by its interval
+        (`limit`, `feasible`).
+    chance_penalty_cm_s : float
+        Weight of that penalty [cm/s].
+    min_contact : float
+        Where a smaller part of the switches touches, v_u counts as undefined_v_u in g and is reported as NaN.
+    undefined_v_u_cm_s : float
+        See min_contact [cm/s].
+    confidence : float
+        Of every interval.
+
+    Returns
+    -------
+    Assessment
+
+    Raises
+    ------
+    ObjectiveError
+        For values outside these limits, or a response with unsuccessful switches.
     """
     _check(locals())
     speed, closed, n_failed = _arrays(response)

@@ -35,7 +35,19 @@ _PAPER_SHAPE_SUM = 4.0
 def load_population(source: str | Path) -> Population:
     """A shipped population by name (`population_names`), or one described by a TOML file.
 
-    Raises PopulationError for an unknown name, an unreadable file or an invalid description.
+    Parameters
+    ----------
+    source : str or Path
+        Name or file.
+
+    Returns
+    -------
+    Population
+
+    Raises
+    ------
+    PopulationError
+        For an unknown name, an unreadable file or an invalid description.
     """
     if isinstance(source, str) and source in SHIPPED:
         return _shipped(source)

@@ -63,9 +63,22 @@ class Population:
             )
 
     def plate_area(self, asked_um2: float | None = None) -> float:
-        """Plate area to use with this population [µm²]: its own, else what is asked for, else that of Table 1.
+        """Plate area to use with this population: its own, else what is asked for, else that of Table 1.
 
-        Raises PopulationError where both are given and differ: E from another area means other switches.
+        Parameters
+        ----------
+        asked_um2 : float, optional
+            What is asked for [µm²].
+
+        Returns
+        -------
+        float
+            Plate area [µm²].
+
+        Raises
+        ------
+        PopulationError
+            Where both are given and differ: E from another area means other switches.
         """
         own = self.plate_area_um2
         if own is None:
@@ -80,10 +93,28 @@ class Population:
     def sample(
         self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0
     ) -> FloatArray:
-        """Switches `start` to `start + n` of the ensemble `seed`.
+        """Draw switches `start` to `start + n` of the ensemble `seed`.
 
-        Returns (n, 4) float64, columns D, G [µm], K [N/m], M [µg]. Row i depends on (seed, stream, start + i) and
-        nothing else: a longer ensemble begins with the shorter one, and ensembles can be drawn in pieces.
+        Row i depends on (seed, stream, start + i) and nothing else: a longer ensemble begins with the shorter one, and
+        ensembles can be drawn in pieces.
+
+        Parameters
+        ----------
+        n : int
+            Number of switches.
+        seed : int
+            Which ensemble.
+        sampling : {"monte-carlo", "sobol"}
+            How the unit cube is filled. Intervals hold for "monte-carlo" only.
+        start : int
+            Index of the first switch.
+        stream : int
+            Independent sequence of the seed, such as that of the certificates.
+
+        Returns
+        -------
+        (n, 4) ndarray of float64
+            Columns D, G [µm], K [N/m], M [µg].
         """
         return switches_from_parameters(
             self.sample_parameters(n, seed=seed, sampling=sampling, start=start, stream=stream)
@@ -92,11 +123,33 @@ class Population:
     def sample_parameters(
         self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0
     ) -> FloatArray:
-        """The same ensemble as `sample`: (n, 4) float64, columns D, G [µm], E [GPa], T [µm]."""
+        """The same ensemble as `sample`, by its parameters.
+
+        Parameters
+        ----------
+        n, seed, sampling, start, stream
+            See `sample`.
+
+        Returns
+        -------
+        (n, 4) ndarray of float64
+            Columns D, G [µm], E [GPa], T [µm].
+        """
         return self.quantile(_uniforms(n, seed=seed, sampling=sampling, start=start, stream=stream))
 
     def quantile(self, p: FloatArray) -> FloatArray:
-        """Map points of the unit cube to parameters. p: (n, 4) in [0, 1]; returns (n, 4) D, G [µm], E [GPa], T [µm]."""
+        """Map points of the unit cube to parameters.
+
+        Parameters
+        ----------
+        p : (n, 4) ndarray of float64
+            Probabilities in [0, 1].
+
+        Returns
+        -------
+        (n, 4) ndarray of float64
+            Columns D, G [µm], E [GPa], T [µm].
+        """
         columns = [getattr(self, v).quantile(p[:, i]) for i, v in enumerate(VARIABLES)]
         return np.stack(columns, axis=1)
 
@@ -118,7 +171,15 @@ class Population:
     def summary(self, plate_area_um2: float | None = None) -> dict[str, float]:
         """Ranges, means and standard deviations, named `quantity_unit`; ranges are those of the bounds.
 
-        plate_area_um2: see `plate_area`.
+        Parameters
+        ----------
+        plate_area_um2 : float, optional
+            See `plate_area`.
+
+        Returns
+        -------
+        dict of str to float
+            Such as `D_um_mean`.
         """
         plate_area_um2 = self.plate_area(plate_area_um2)
         d, g, e, t = self.D, self.G, self.E, self.T

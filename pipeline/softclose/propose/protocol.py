@@ -149,7 +149,15 @@ class Problem:
         return len(self.config.waveform.initial)
 
     def generator(self, stream: str, index: int) -> np.random.Generator:
-        """Random numbers keyed by (campaign.seed, stream, index): never drawn from a shared generator."""
+        """Random numbers keyed by (campaign.seed, stream, index): never drawn from a shared generator.
+
+        Parameters
+        ----------
+        stream : str
+            What they are for.
+        index : int
+            Which of them.
+        """
         key = int.from_bytes(stream.encode()[:8].ljust(8, b"\0"), "big")
         return np.random.default_rng(np.random.SeedSequence([self.config.campaign.seed, key, index]))
 
@@ -161,10 +169,22 @@ class Engine(Protocol):
     def propose(
         self, problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> Proposal:
-        """The candidate `index`, from the records `history` and the waveforms in flight `pending`.
+        """The next candidate. Pure: the same arguments give the same bits.
 
-        Pure: the same arguments give the same bits. history is in order of index and ends with the last wave that is
-        seen; pending holds the waveforms of the candidates between, those earlier in the same wave included.
+        Parameters
+        ----------
+        problem : Problem
+            What is optimised.
+        index : int
+            Index of the candidate.
+        history : sequence of Observation
+            Records in order of index, ending with the last wave that is seen.
+        pending : sequence of Waveform
+            The waveforms of the candidates between, those earlier in the same wave included.
+
+        Returns
+        -------
+        Proposal
         """
         ...
 
@@ -174,16 +194,43 @@ class WaveEngine(Protocol):
     """Whoever proposes waveforms a wave at a time."""
 
     def wave_sizes(self, problem: Problem, budget: int) -> Sequence[int]:
-        """Sizes of its waves, `budget` candidates in all; from the configuration alone.
+        """Sizes of its waves, from the configuration alone.
 
         The user's own waveforms take the first places of a search, and the engine is asked for the others.
+
+        Parameters
+        ----------
+        problem : Problem
+            What is optimised.
+        budget : int
+            Candidates in all.
+
+        Returns
+        -------
+        sequence of int
+            Adding up to `budget`.
         """
         ...
 
     def propose_wave(
         self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> Sequence[Proposal]:
-        """The `wave.size` candidates from `wave.start` on. Pure, as `Engine.propose`."""
+        """The candidates of a wave. Pure, as `Engine.propose`.
+
+        Parameters
+        ----------
+        problem : Problem
+            What is optimised.
+        wave : Wave
+            Its first candidate and size.
+        history, pending
+            See `Engine.propose`.
+
+        Returns
+        -------
+        sequence of Proposal
+            `wave.size` of them, from candidate `wave.start` on.
+        """
         ...
 
 

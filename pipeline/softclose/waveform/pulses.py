@@ -68,7 +68,18 @@ class Pulse:
         return self.start_us + 2.0 * self.rise_us + self.peak_us
 
     def voltage(self, t_us: FloatArray) -> FloatArray:
-        """Eq. 13 times the peak voltage. t_us: any shape [µs]; returns the same shape [V]."""
+        """Eq. 13 times the peak voltage.
+
+        Parameters
+        ----------
+        t_us : ndarray of float64, any shape
+            Instants [µs].
+
+        Returns
+        -------
+        ndarray of float64, the same shape
+            Voltages [V].
+        """
         s = t_us - self.start_us
         fall = s - self.rise_us - self.peak_us  # -inf where it holds
         u = np.zeros_like(s)
@@ -99,7 +110,18 @@ class Waveform:
 
     @classmethod
     def from_rows(cls, rows: Sequence[Sequence[float | None]] | FloatArray) -> Waveform:
-        """Build from rows (start_us, rise_us, peak_us, volts); a peak of None or inf holds. NaN rows are skipped."""
+        """A waveform from rows of numbers, as files and stores hold them.
+
+        Parameters
+        ----------
+        rows : (n_pulse, 4) array-like
+            start_us, rise_us, peak_us, volts. A peak of None or inf holds; rows of NaN are skipped.
+
+        Raises
+        ------
+        WaveformError
+            Where a pulse, or their order, is not allowed.
+        """
         pulses = []
         for number, row in enumerate(rows, start=1):
             values: list[Any] = list(row)
@@ -122,7 +144,18 @@ class Waveform:
         return np.array([(p.start_us, p.rise_us, p.peak_us, p.volts) for p in self.pulses], dtype=np.float64)
 
     def voltage(self, t_us: ArrayLike) -> FloatArray:
-        """u(t) of Eq. 12 [V]. t_us: scalar or array [µs]; returns the same shape."""
+        """u(t) of Eq. 12.
+
+        Parameters
+        ----------
+        t_us : float or array-like of float64, any shape
+            Instants [µs].
+
+        Returns
+        -------
+        ndarray of float64, the same shape
+            Voltages [V].
+        """
         t = np.asarray(t_us, dtype=np.float64)
         u = np.zeros(np.atleast_1d(t).shape)
         for pulse in self.pulses:
@@ -130,7 +163,18 @@ class Waveform:
         return u.reshape(t.shape)
 
     def breakpoints(self, horizon_us: float = math.inf) -> FloatArray:
-        """Sorted distinct instants in [0, horizon] where a pulse changes its form [µs], 0 included."""
+        """Instants where a pulse changes its form.
+
+        Parameters
+        ----------
+        horizon_us : float
+            Last instant looked at [µs].
+
+        Returns
+        -------
+        ndarray of float64
+            Sorted distinct instants in [0, horizon] [µs], 0 included.
+        """
         knots = {0.0}
         for p in self.pulses:
             for knot in (p.start_us, p.start_us + p.rise_us, p.start_us + p.rise_us + p.peak_us, p.end_us):
@@ -139,13 +183,37 @@ class Waveform:
         return np.array(sorted(knots))
 
     def max_voltage(self, horizon_us: float = 250.0) -> float:
-        """max over [0, horizon] of u(t) [V], to about 1e-9 relative (`limit.largest_sum`)."""
+        """The largest voltage, to about 1e-9 relative (`limit.largest_sum`).
+
+        Parameters
+        ----------
+        horizon_us : float
+            The maximum is taken over [0, horizon] [µs].
+
+        Returns
+        -------
+        float
+            max u(t) [V].
+        """
         from softclose.waveform.limit import largest_sum  # imported where it is used: the compiler is slow to import
 
         return float(largest_sum(self.rows(), float(horizon_us)))
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
-        """Raise WaveformError where the sum of the pulses exceeds max_volts [V] anywhere in [0, horizon]."""
+        """Make sure that the sum of the pulses stays within a limit.
+
+        Parameters
+        ----------
+        max_volts : float
+            The limit [V].
+        horizon_us : float
+            It holds on [0, horizon] [µs].
+
+        Raises
+        ------
+        WaveformError
+            Where the waveform exceeds the limit; says by how much and when.
+        """
         peak = self.max_voltage(horizon_us)
         if peak > max_volts * (1.0 + 1e-9):
             raise WaveformError(

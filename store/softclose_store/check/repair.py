@@ -101,8 +101,27 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
     """Write everything that is damaged again, prove it equal, and remove what a kill left behind.
 
     Files that belong to nothing are moved into `<store>.strays`, beside the store.
-    Raises LockedError while a driver works on the store, DamageError where what was computed is not what was stored
-    (another processor or library version: the damaged bytes stay as they are).
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    recompute : Recompute
+        How what it holds is computed again.
+    break_lock : bool
+        Take the lock of a driver that is gone.
+
+    Returns
+    -------
+    RepairReport
+
+    Raises
+    ------
+    LockedError
+        While a driver works on the store.
+    DamageError
+        Where what was computed is not what was stored (another processor or library version: the damaged bytes stay as
+        they are).
     """
     report = verify(path)
     log = _Log()

@@ -73,9 +73,25 @@ class _Check:
 
 
 def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
-    """Read and compare everything in a store. on_block is told of each (stage, i_block, j_block) checked.
+    """Read and compare everything in a store; damage is reported, never raised.
 
-    Raises StoreMissingError where there is no store, SchemaError for another schema; damage is reported, never raised.
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    on_block : callable, optional
+        Told of each (stage, i_block, j_block) checked.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    StoreMissingError
+        Where there is no store.
+    SchemaError
+        For another schema.
     """
     where = normalised(path)
     files = open_files(path, read_only=True)

@@ -91,7 +91,19 @@ class LocalFiles(LocalStore):
 
 
 def write_file(path: str, content: Any, *, durable: bool, fault: str = "") -> None:
-    """Write `path` atomically: a temporary file beside it, renamed over it. Synced, with its folder, if durable."""
+    """Write a file atomically: a temporary one beside it, renamed over it.
+
+    Parameters
+    ----------
+    path : str
+        Where.
+    content : bytes-like
+        What.
+    durable : bool
+        Sync it, with its folder.
+    fault : str
+        Name of the place, for tests that break it.
+    """
     temporary = f"{path}.{uuid.uuid4().hex}{PARTIAL}"
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     try:
@@ -203,9 +215,19 @@ def delete_key(files: Store, key: str) -> None:
 
 
 def check_writable(path: StorePath) -> None:
-    """Write a small file into a store and remove it; raises OSError, or the service's own error, where that fails.
+    """Write a small file into a store and remove it.
 
     Its name is that of a file that a kill leaves behind: nobody takes it for data.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+
+    Raises
+    ------
+    OSError
+        Or the service's own error, where that fails.
     """
     files = open_files(path, read_only=False)
     key = f"digests/probe.{uuid.uuid4().hex}{PARTIAL}"

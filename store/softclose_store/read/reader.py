@@ -198,11 +198,21 @@ class Campaign:
         return int(i)
 
     def best(self, n_switches: int | None = None, *, stage: str | None = None) -> Best | None:
-        """The candidate of smallest g, None where no candidate has one.
+        """The candidate of smallest g; of several, the first.
 
-        Values of g from ensembles of different sizes do not compare (small ones flatter their optimum), so only
-        candidates of n_switches switches count: by default the most that any candidate with a g has. Ties: the first.
-        stage: only candidates of this stage.
+        Values of g from ensembles of different sizes do not compare (small ones flatter their optimum).
+
+        Parameters
+        ----------
+        n_switches : int, optional
+            Only candidates of so many switches count; by default the most that any candidate with a g has.
+        stage : str, optional
+            Only candidates of this stage.
+
+        Returns
+        -------
+        Best or None
+            None where no candidate has a g.
         """
         records = self.records()
         usable = ~records["failed"] & np.isfinite(records["g_cm_s"])
@@ -229,7 +239,18 @@ class Campaign:
         )
 
     def waveform(self, i: int) -> FloatArray:
-        """(n_pulse, 4) float64: start, rise, peak [µs] (inf where it holds) and volts."""
+        """The waveform of a candidate.
+
+        Parameters
+        ----------
+        i : int
+            Index of the candidate.
+
+        Returns
+        -------
+        (n_pulse, 4) ndarray of float64
+            start, rise, peak [µs] (inf where it holds) and volts.
+        """
         rows: FloatArray = self.records()["waveform"][self._check(i)]
         return rows[~np.isnan(rows).all(axis=1)]
 
@@ -249,7 +270,18 @@ class Campaign:
         return pandas.DataFrame(plain, index=pandas.RangeIndex(self.committed, name="candidate"))
 
     def trajectories(self, i: int) -> Trajectories:
-        """x(t) and v(t) of candidate i: `trajectories(3).x[10:20]` reads twenty switches' worth at most."""
+        """x(t) and v(t) of a candidate, read when they are indexed.
+
+        Parameters
+        ----------
+        i : int
+            Index of the candidate.
+
+        Returns
+        -------
+        Trajectories
+            `trajectories(3).x[10:20]` reads twenty switches' worth at most.
+        """
         self._check(i)
         if not self.layout.times_us.size:
             raise StoreError(f"{self.path} keeps no trajectories (store.n_times)")
@@ -260,7 +292,18 @@ class Campaign:
         return LazyRows(self._array(f"{stage.name}/{name}"), local, int(self.records()["n_switches"][i]), column)
 
     def responses(self, i: int) -> StoredResponses:
-        """Per-switch results of candidate i."""
+        """Per-switch results of a candidate.
+
+        Parameters
+        ----------
+        i : int
+            Index of the candidate.
+
+        Returns
+        -------
+        StoredResponses
+            (n_switches,) arrays.
+        """
         self._check(i)
         response = self._rows("response", i)[...]
         columns = {field.name: response[:, k].copy() for k, field in enumerate(QUANTITIES)}
@@ -294,7 +337,17 @@ class Campaign:
         return np.column_stack([population[name] for name in ("D", "G", "K", "M")])
 
     def dataset(self, stage: str | None = None) -> xr.Dataset:
-        """The tables as xarray sees them, lazily; with `stage` that stage's responses and trajectories."""
+        """The tables as xarray sees them, lazily.
+
+        Parameters
+        ----------
+        stage : str, optional
+            That stage's responses and trajectories instead.
+
+        Returns
+        -------
+        xarray.Dataset
+        """
         import xarray
 
         group = None if stage is None else self.layout.stage(stage).name
@@ -331,6 +384,22 @@ def _columns(records: Mapping[str, NDArray[Any]], limits: list[str]) -> dict[str
 def open_campaign(path: StorePath) -> Campaign:
     """Open a store for reading. Runs nothing that the store contains; sees committed candidates only.
 
-    Raises StoreMissingError, SchemaError (another schema) or DamageError.
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+
+    Returns
+    -------
+    Campaign
+
+    Raises
+    ------
+    StoreMissingError
+        Where there is none.
+    SchemaError
+        For another schema.
+    DamageError
+        Where its root cannot be read.
     """
     return Campaign(path)

@@ -51,7 +51,14 @@ def block_digest(stage: str, name: str, i_block: int, j_block: int, proposals: i
 def proposals_digest(waveforms: Iterable[ArrayLike], n_switches: int, start: int) -> int:
     """Digest of what the candidates of one row of blocks are simulated with.
 
-    waveforms: (n_pulse, 4) each, rows of NaN are none. start: campaign-wide index of the first of them.
+    Parameters
+    ----------
+    waveforms : iterable of (n_pulse, 4) array-like
+        Rows of NaN are none.
+    n_switches : int
+        Size of their ensemble.
+    start : int
+        Campaign-wide index of the first of them.
     """
     parts = []
     for waveform in waveforms:
@@ -69,9 +76,20 @@ def assessed_digest(
     closed: ArrayLike,
     status: ArrayLike,
 ) -> int:
-    """Digest of what an assessment takes of a block: (candidates, switches) each, of the switches that were simulated.
+    """Digest of what an assessment takes of a block.
 
     A task's answer carries these arrays; the driver compares their digest with the last of the block's marker.
+
+    Parameters
+    ----------
+    stage : str
+        Stage of the block.
+    i_block, j_block : int
+        Its row and column.
+    proposals : int
+        Digest of its proposals.
+    max_contact_speed, closed, status : (candidates, switches) array-like
+        Of the switches that were simulated.
     """
     speed = np.asarray(max_contact_speed, dtype="<f8")
     parts = [

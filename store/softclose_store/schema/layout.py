@@ -96,7 +96,18 @@ class StageLayout:
         return slice(start, min(start + self.block_switches, self.n_switches))
 
     def block_shape(self, i_block: int, j_block: int) -> tuple[int, int]:
-        """(candidates, switches) of a block: the last of a row or column may be short; raises LayoutError."""
+        """(candidates, switches) of a block: the last of a row or column may be short.
+
+        Parameters
+        ----------
+        i_block, j_block : int
+            Its row and column.
+
+        Raises
+        ------
+        LayoutError
+            Where there is no such block.
+        """
         if not 0 <= i_block < self.n_block_candidates or not 0 <= j_block < self.n_block_switches:
             raise LayoutError(
                 f"block ({i_block}, {j_block}) is outside the {self.n_block_candidates} by {self.n_block_switches} "
@@ -191,11 +202,37 @@ class Layout:
         raise RecordError(f"candidate {i} is outside the budget of {self.n_candidates} candidates")
 
     def committed_of(self, stage: StageLayout, n_committed: int) -> int:
-        """How many of a stage's candidates are among the first n_committed of the campaign."""
+        """How many of a stage's candidates are committed.
+
+        Parameters
+        ----------
+        stage : StageLayout
+            The stage.
+        n_committed : int
+            Committed candidates of the campaign.
+        """
         return min(max(n_committed - self.first(stage.name), 0), stage.n_candidates)
 
     def wave_blocks(self, start: int, size: int, n_switches: int) -> list[tuple[int, int]]:
-        """(i_block, j_block) of all blocks of a wave, row by row; raises RecordError where it does not fit them."""
+        """All blocks of a wave, row by row.
+
+        Parameters
+        ----------
+        start, size : int
+            First candidate and number of candidates.
+        n_switches : int
+            Size of their ensemble.
+
+        Returns
+        -------
+        list of (int, int)
+            (i_block, j_block) each.
+
+        Raises
+        ------
+        RecordError
+            Where the wave does not fit the blocks.
+        """
         stage, local = self.stage_of(start)
         stop = local + size
         if size < 1 or stop > stage.n_candidates:
@@ -263,7 +300,15 @@ class Layout:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], times_us: NDArray[np.float64]) -> Layout:
-        """The inverse of `to_dict`."""
+        """The inverse of `to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            JSON values.
+        times_us : (n_times,) ndarray of float64
+            The time grid [µs].
+        """
         kept = ("max_impacts", "n_pulses", "limits_cm_s")
         stages = tuple(StageLayout(**stage) for stage in data["stages"])
         return cls(

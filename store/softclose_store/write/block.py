@@ -156,11 +156,34 @@ def write_block(
     arrays: Mapping[str, NDArray[Any]],
     proposals_digest: int,
 ) -> NDArray[np.uint64]:
-    """Store one block: every array of the layout's blocks, (candidates, switches, …) each, then its marker.
+    """Store one block: every array of the layout's blocks, then its marker.
 
-    Returns the marker, (n_markers,) uint64. arrays: `response` (…, 8), `impact` (…, max_impacts, 2), `x` and `v`
-    (…, n_times); fewer switches than the block has mean that the wave uses no more. Rows of a failed candidate are NaN.
     Safe to run again, anywhere, any number of times: it writes whole chunks that no other block touches.
-    Raises LayoutError for arrays that do not fit, OSError where the disk is full.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    stage : str
+        Stage of the block.
+    i_block, j_block : int
+        Its row and column.
+    arrays : mapping of str to (candidates, switches, …) ndarray
+        `response` (…, 8), `impact` (…, max_impacts, 2), `x` and `v` (…, n_times). Fewer switches than the block has
+        mean that the wave uses no more. Rows of a failed candidate are NaN.
+    proposals_digest : int
+        Digest of what its candidates are simulated with.
+
+    Returns
+    -------
+    (n_markers,) ndarray of uint64
+        The marker.
+
+    Raises
+    ------
+    LayoutError
+        For arrays that do not fit.
+    OSError
+        Where the disk is full.
     """
     return open_writer(path).write(stage, i_block, j_block, arrays, proposals_digest)

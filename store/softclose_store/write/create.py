@@ -45,11 +45,39 @@ def create_campaign(
 ) -> None:
     """Create the store of a campaign, with nothing committed. It appears at `path` at once or not at all.
 
-    config: plain JSON values; its sha256 (canonical JSON) is the campaign's fingerprint, checked against `fingerprint`
-    where given. algorithm: version of the algorithms, the other half of the campaign's identity.
-    population: (n_switches,) float64 arrays D, G, E, T, K, M.
-    exist_ok: a store of this very campaign is left as it is.
-    Raises StoreExistsError, OtherConfigurationError (naming what differs), OtherAlgorithmError, LayoutError, OSError.
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL.
+    layout : Layout
+        Stages, blocks and the time grid.
+    config : mapping
+        Plain JSON values; its sha256 (canonical JSON) is the campaign's fingerprint.
+    population : mapping of str to (n_switches,) array-like of float64
+        D, G [µm], E [GPa], T [µm], K [N/m], M [µg].
+    algorithm : str
+        Version of the algorithms, the other half of the campaign's identity.
+    runtime : mapping, optional
+        Who created it; no part of the identity.
+    fingerprint : str, optional
+        Compared with that of `config`.
+    durable : bool
+        Sync every file that is written.
+    exist_ok : bool
+        A store of this very campaign is left as it is.
+
+    Raises
+    ------
+    StoreExistsError
+        Where something is at `path`.
+    OtherConfigurationError
+        Where that is another campaign; names what differs.
+    OtherAlgorithmError
+        Where it is this campaign by another algorithm.
+    LayoutError
+        Where layout and population do not fit.
+    OSError
+        Where the folder cannot be written.
     """
     try:
         config = json.loads(digests.canonical_json(config))

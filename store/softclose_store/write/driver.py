@@ -142,10 +142,23 @@ class DriverStore:
     def blocks_done(
         self, stage: str, blocks: Sequence[Block], proposals_digests: Sequence[int], *, check: bool = True
     ) -> list[bool]:
-        """For each block: whether it is stored, of candidates with these proposals (one digest a block, in order).
+        """Say for each block whether it is stored, of candidates with these proposals.
 
-        With `check` the data of every marked block is read and compared: after a loss of power a marker may have
-        reached the disk and its data not.
+        Parameters
+        ----------
+        stage : str
+            Stage of the blocks.
+        blocks : sequence of (int, int)
+            (i_block, j_block) each.
+        proposals_digests : sequence of int
+            One a block, in order.
+        check : bool
+            Read and compare the data of every marked block: after a loss of power a marker may have reached the disk
+            and its data not.
+
+        Returns
+        -------
+        list of bool
         """
         done = []
         for (i, j), expected in zip(blocks, proposals_digests, strict=True):
@@ -155,15 +168,40 @@ class DriverStore:
         return done
 
     def markers(self, stage: str, blocks: Sequence[Block]) -> dict[Block, NDArray[np.uint64]]:
-        """The markers of blocks as they are stored, (n_markers,) each; 0 throughout where there is none."""
+        """The markers of blocks as they are stored.
+
+        Parameters
+        ----------
+        stage : str
+            Stage of the blocks.
+        blocks : sequence of (int, int)
+            (i_block, j_block) each.
+
+        Returns
+        -------
+        dict
+            Block to (n_markers,) uint64; 0 throughout where there is none.
+        """
         return {(i, j): self._blocks.marker(stage, i, j) for i, j in blocks}
 
     def read_assessed(
         self, stage: str, i_block: int, j_block: int, n_switches: int | None = None
     ) -> dict[str, NDArray[Any]]:
-        """What an assessment takes of a stored block: max_contact_speed, closed, status, (candidates, switches) each.
+        """What an assessment takes of a stored block.
 
-        n_switches: of the candidates, where they use less than the stage's whole ensemble.
+        Parameters
+        ----------
+        stage : str
+            Stage of the block.
+        i_block, j_block : int
+            Its row and column.
+        n_switches : int, optional
+            Of the candidates, where they use less than the stage's whole ensemble.
+
+        Returns
+        -------
+        dict
+            max_contact_speed, closed, status, (candidates, switches) each.
         """
         columns = self.layout.stage(stage).switches(j_block)
         used = columns.stop - columns.start if n_switches is None else min(n_switches, columns.stop) - columns.start
@@ -180,10 +218,18 @@ class DriverStore:
     def commit(self, rows: Sequence[Mapping[str, Any]], markers: Mapping[Block, NDArray[np.uint64]]) -> None:
         """Write the records of the next wave, then make it part of the campaign: the root's replacement is the commit.
 
-        rows: one mapping a candidate, in order from `n_committed` on: the proposal (waveform (n_pulse, 4), n_switches,
-        origin, note, surrogate), the fields of the record and the timings; what is left out stays undefined.
-        markers: those of all blocks of the wave, as `write_block` returned them or `markers` read them.
-        Raises RecordError where a row or a marker does not fit; then nothing changed.
+        Parameters
+        ----------
+        rows : sequence of mapping
+            One a candidate, in order from `n_committed` on: the proposal (waveform (n_pulse, 4), n_switches, origin,
+            note, surrogate), the fields of the record and the timings; what is left out stays undefined.
+        markers : mapping of block to (n_markers,) ndarray of uint64
+            Those of all blocks of the wave, as `write_block` returned them or `markers` read them.
+
+        Raises
+        ------
+        RecordError
+            Where a row or a marker does not fit; then nothing changed.
         """
         start, stop = self.n_committed, self.n_committed + len(rows)
         tied = self._check_wave(start, rows, markers)
@@ -253,7 +299,13 @@ class DriverStore:
             getattr(self._table, name)[start:stop] = getattr(empty, name)
 
     def note_run(self, runtime: Mapping[str, Any]) -> None:
-        """Add who runs the campaign now, and where, to the group `runtime` (not part of the campaign's identity)."""
+        """Add who runs the campaign now, and where, to the group `runtime` (not part of the campaign's identity).
+
+        Parameters
+        ----------
+        runtime : mapping
+            Plain JSON values.
+        """
         canonical_json(runtime)  # raises for what is no JSON
         root = self._root.noted(runtime)
         write_key(self._files, RUNTIME_KEY, runtime_text(root))

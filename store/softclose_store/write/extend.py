@@ -33,11 +33,31 @@ def extend_campaign(
 ) -> None:
     """Add stages to a finished campaign. The replacement of the root is the extension; until then it is as it was.
 
-    layout: that of the extended campaign, whose first stages are those of the store. config: as at the creation, but
-    for `campaign.extensions`. note: joins the runs in the group `runtime`, with the candidates and the fingerprint
-    before.
-    Raises StoreError where the campaign is not finished, OtherConfigurationError where anything else would change,
-    LayoutError where a stage would, OtherAlgorithmError for another algorithm: it would not go on as it began.
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    layout : Layout
+        That of the extended campaign, whose first stages are those of the store.
+    config : mapping
+        As at the creation, but for `campaign.extensions`.
+    algorithm : str
+        As at the creation.
+    note : mapping
+        Joins the runs in the group `runtime`, with the candidates and the fingerprint before.
+    break_lock : bool
+        Take the lock of a driver that is gone.
+
+    Raises
+    ------
+    StoreError
+        Where the campaign is not finished.
+    OtherConfigurationError
+        Where anything else would change.
+    LayoutError
+        Where a stage would.
+    OtherAlgorithmError
+        For another algorithm: it would not go on as it began.
     """
     where = normalised(path)
     files = open_files(path, read_only=False, durable=bool(_root(path).attributes["durable"]))

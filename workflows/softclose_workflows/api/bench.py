@@ -230,11 +230,23 @@ class Bench:
     def certify(
         self, speeds_cm_s: ArrayLike, closed: ArrayLike | None = None, *, candidate: int | None = None, lot: int = 0
     ) -> Certification:
-        """Certify a candidate, by default the best, by measurements of devices that it was not chosen on.
+        """Certify a candidate by measurements of devices that it was not chosen on.
 
-        speeds_cm_s, closed: (n,) as `tell` takes them. lot: keeps certificates of equally many devices apart. It is
-        kept in the store as any other, and `export`, `report` and `compare` follow it. Raises CertifyError for too few
-        devices.
+        It is kept in the store as any other certificate; `export`, `report` and `compare` follow it.
+
+        Parameters
+        ----------
+        speeds_cm_s, closed : (n,) array-like
+            As `tell` takes them.
+        candidate : int, optional
+            By default the best.
+        lot : int
+            Keeps certificates of equally many devices apart.
+
+        Raises
+        ------
+        CertifyError
+            For too few devices.
         """
         campaign = open_campaign(self.path)
         best = _best_of(campaign)

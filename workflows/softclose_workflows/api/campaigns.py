@@ -54,6 +54,10 @@ def run(
         `section.key=value`, as `--set` takes them.
     workers, scheduler, serial
         Processes of a local cluster (default: one per core), the address of a Dask scheduler, or this process alone.
+    break_lock
+        Take the lock of a driver that is gone.
+    quiet
+        No progress on the terminal.
 
     Raises
     ------
@@ -81,7 +85,30 @@ def resume(
     break_lock: bool = False,
     quiet: bool = True,
 ) -> CampaignRun:
-    """Continue a campaign, extend a finished one to `budget` candidates, or compute its failed ones again."""
+    """Continue a campaign, extend a finished one, or compute its failed candidates again.
+
+    Parameters
+    ----------
+    store
+        Path or URL.
+    budget
+        Candidates in all, more than the finished campaign has.
+    retry_failed
+        Compute failed candidates again, at its end.
+    workers, scheduler, serial
+        Processes of a local cluster (default: one per core), the address of a Dask scheduler, or this process alone.
+    break_lock
+        Take the lock of a driver that is gone.
+    quiet
+        No progress on the terminal.
+
+    Raises
+    ------
+    ConfigError, StoreError
+        For what cannot be used, before anything is changed.
+    Stopped
+        Where it ends earlier.
+    """
     _check_main()
     path = os.fspath(store)
     if budget is not None:
@@ -93,7 +120,18 @@ def resume(
 
 
 def open_run(store: Store) -> CampaignRun:
-    """A campaign that is there, growing or finished. Raises StoreMissingError where there is none."""
+    """A campaign that is there, growing or finished.
+
+    Parameters
+    ----------
+    store
+        Path or URL.
+
+    Raises
+    ------
+    StoreMissingError
+        Where there is none.
+    """
     path = os.fspath(store)
     open_campaign(path)
     return CampaignRun(path)
@@ -102,7 +140,31 @@ def open_run(store: Store) -> CampaignRun:
 def certify(
     store: Store, *, n_switches: int = 100_000, seed: int | None = None, top: int = 10, threads: int | None = None
 ) -> Result[Certification]:
-    """Certify the best candidates on fresh switches and keep the certificate in the store, as `softclose certify`."""
+    """Certify the best candidates on fresh switches and keep the certificate in the store, as `softclose certify`.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    n_switches
+        Fresh switches.
+    seed
+        Of their ensemble; by default one that no campaign uses.
+    top
+        Candidates, the best of the training ensemble first.
+    threads
+        By default one per core.
+
+    Returns
+    -------
+    Result
+        One row a design; `value` is the certification.
+
+    Raises
+    ------
+    CertifyError
+        For numbers that cannot be used.
+    """
     path = os.fspath(store)
     found = certify_store(path, n_switches=n_switches, seed=seed, top=top, threads=threads or n_cores())
     rows = [
@@ -120,7 +182,26 @@ def rescore(
     impacts: str = "all",
     impacts_until_us: float | None = None,
 ) -> Result[list[rescoring.Rescored]]:
-    """Rank all candidates under another objective (`"level=0.99"`, `"c1_cm_s=50"`), without simulating."""
+    """Rank all candidates under another objective, without simulating.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    objective
+        `"level=0.99"`, `"c1_cm_s=50"`: keys of the section `objective`.
+    closed_by_us
+        Switches that are not closed for good by then [µs] count as open.
+    impacts
+        `"all"`, or `"first"`: which impacts decide the contact speed.
+    impacts_until_us
+        Later ones [µs] do not.
+
+    Returns
+    -------
+    Result
+        One row a candidate, the best first.
+    """
     score = rescoring.Score(
         objective=tuple(objective), closed_by_us=closed_by_us, impacts=impacts, impacts_until_us=impacts_until_us
     )
@@ -142,7 +223,26 @@ def tolerance(
     n_switches: int = 20_000,
     n_generators: int = 64,
 ) -> Result[list[DriveTolerance]]:
-    """How v_u and p_nc of a waveform move with errors of its generator; by default with a usual set of them."""
+    """How v_u and p_nc of a waveform move with errors of its generator.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    errors
+        By default a usual set of them.
+    candidate
+        By default the best certified, else the best.
+    n_switches
+        Fresh switches.
+    n_generators
+        Generators drawn for random errors.
+
+    Returns
+    -------
+    Result
+        One row an error.
+    """
     path = os.fspath(store)
     chosen, found = drive_errors.tolerance(
         path, errors, candidate=candidate, n_switches=n_switches, n_generators=n_generators
@@ -159,7 +259,26 @@ def tolerance(
 def sensitivity(
     store: Store, *, candidate: int | None = None, points: int = 512, replicates: int = 8, seed: int = 0
 ) -> Result[Sensitivity]:
-    """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices)."""
+    """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices).
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    candidate
+        By default the best certified, else the best.
+    points
+        Points of a design, a power of two.
+    replicates
+        Independent designs, from which the intervals come.
+    seed
+        Of the designs.
+
+    Returns
+    -------
+    Result
+        One row an index.
+    """
     path = os.fspath(store)
     chosen, found = drive_errors.sensitivity(path, candidate=candidate, points=points, replicates=replicates, seed=seed)
     rows = [
@@ -182,9 +301,23 @@ def calibrate(
     name: str | None = None,
     **settings: Any,
 ) -> Result[Calibration]:
-    """Fit a population to a CSV of device measurements; output: the TOML that `population.name` takes.
+    """Fit a population to device measurements.
 
-    settings: `bounds`, `plate_area_um2`, `n_bootstrap`, `confidence` and `seed` of `softclose.population.calibrate`.
+    Parameters
+    ----------
+    measurements
+        CSV file.
+    output
+        TOML file to write, which `population.name` takes.
+    name
+        Of the population; by default that of the file.
+    **settings
+        `bounds`, `plate_area_um2`, `n_bootstrap`, `confidence` and `seed` of `softclose.population.calibrate`.
+
+    Returns
+    -------
+    Result
+        One row a fitted number.
     """
     source = Path(measurements)
     target = None if output is None else check_file(Path(output), "output", [".toml"])
@@ -202,7 +335,20 @@ def calibrate(
 
 
 def report(store: Store, output: str | os.PathLike[str] | None = None) -> Path:
-    """Write the self-contained HTML page about a campaign; returns where it is."""
+    """Write the self-contained HTML page about a campaign.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    output
+        By default `<name of the store>.html`, in the current folder.
+
+    Returns
+    -------
+    Path
+        Where it is.
+    """
     from softclose_workflows.report.gather import gather
     from softclose_workflows.report.page import render_report
 
