@@ -403,7 +403,7 @@ class CampaignConfig:
             Naming every problem.
         """
         data = self.to_dict()
-        for override in overrides:
+        for override in _texts(overrides):
             _apply(data, override)
         return _validate(data)
 
@@ -430,6 +430,8 @@ class CampaignConfig:
         ConfigError
             Where it has as many.
         """
+        if isinstance(total, bool) or not isinstance(total, int):
+            raise ConfigError(f"{total!r} is no number of candidates; give a whole one above {self.total_budget}")
         if total <= self.total_budget:
             raise ConfigError(f"the campaign has {self.total_budget} candidates; give a larger total than {total}")
         return self._with_extension(total - self.total_budget)
@@ -548,7 +550,7 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
         except PresetError as e:
             raise ConfigError(str(e)) from e
         data = read_toml(where)
-    for override in overrides:
+    for override in _texts(overrides):
         _apply(data, override)
     name = data.get("population", {}).get("name") if isinstance(data.get("population"), dict) else None
     if where is not None and isinstance(name, str) and name.endswith(".toml") and not Path(name).is_absolute():
@@ -579,6 +581,14 @@ def _copy(source: Mapping[str, Any]) -> dict[str, Any]:
     return {k: _copy(v) if isinstance(v, Mapping) else v for k, v in source.items()}
 
 
+def _texts(overrides: Iterable[str]) -> list[str]:
+    found = [overrides] if isinstance(overrides, str) or not isinstance(overrides, Iterable) else list(overrides)
+    for text in found:
+        if not isinstance(text, str):
+            raise ConfigError(f"{text!r} is no setting; give texts of the form section.key=value, e.g. campaign.seed=7")
+    return found
+
+
 def _apply(data: dict[str, Any], override: str) -> None:
     """Set one `section.key=value`; the value is TOML, and a bare word is a string."""
     key, sign, text = override.partition("=")
@@ -596,6 +606,8 @@ def _apply(data: dict[str, Any], override: str) -> None:
 
 
 def _validate(data: Mapping[str, Any]) -> CampaignConfig:
+    if not isinstance(data, Mapping):
+        raise ConfigError(f"{data!r} is no configuration; give a mapping of sections")
     _refuse_unknown(data)
     try:
         return TypeAdapter(CampaignConfig).validate_python(dict(data))

@@ -216,6 +216,8 @@ def simulate(
 
 def _check_switches(switches: ArrayLike) -> FloatArray:
     try:
+        if np.iscomplexobj(switches):
+            raise TypeError("complex numbers")
         table = np.ascontiguousarray(switches, dtype=np.float64)
     except (TypeError, ValueError) as e:
         raise SimulationError(f"switches cannot be read as numbers ({e}); give an (n, 4) array D, G, K, M") from e

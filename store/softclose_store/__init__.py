@@ -3,7 +3,7 @@
 from softclose_store.check.repair import Recompute, RepairReport, remove_orphans, repair
 from softclose_store.check.report import Damage, Report
 from softclose_store.check.verify import verify
-from softclose_store.disk.files import check_writable, write_file
+from softclose_store.disk.files import check_writable, path_text, write_file
 from softclose_store.disk.lock import Holder, lock_holder
 from softclose_store.errors import (
     DamageError,
@@ -67,6 +67,7 @@ __all__ = [
     "list_groups",
     "lock_holder",
     "open_campaign",
+    "path_text",
     "proposals_digest",
     "read_group",
     "read_switches",

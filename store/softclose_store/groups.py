@@ -127,7 +127,7 @@ def write_group(
 
 def check_name(name: str) -> None:
     """Raise StoreError unless a result group may have this name."""
-    if not _NAME.fullmatch(name) or not is_safe(name):
+    if not isinstance(name, str) or not _NAME.fullmatch(name) or not is_safe(name):
         raise StoreError(f"the group is called {name!r}; a name is made of a-z, 0-9, - and _, with / between levels")
 
 

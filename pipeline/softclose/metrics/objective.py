@@ -6,7 +6,7 @@ Works from the contact speeds and closed flags alone, so stored responses can be
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol
 
@@ -268,6 +268,8 @@ def _association(v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: flo
 
 
 def _arrays(response: Response) -> tuple[FloatArray, NDArray[np.bool_], int]:
+    if not (hasattr(response, "max_contact_speed") and hasattr(response, "closed")):
+        raise ObjectiveError(f"{response!r} is no response; give what simulate returns: max_contact_speed and closed")
     speed = np.asarray(response.max_contact_speed, dtype=np.float64)
     closed = np.asarray(response.closed, dtype=np.bool_)
     if speed.ndim != 1 or speed.size == 0 or closed.shape != speed.shape:
@@ -300,6 +302,8 @@ def _check(a: dict[str, Any]) -> None:
             raise ObjectiveError(f"{name} is {a[name]:g}; it must lie between 0 and 1 (0.9 is 90 %)")
     if not 0.0 <= number("min_contact", a["min_contact"]) <= 1.0:
         raise ObjectiveError(f"min_contact is {a['min_contact']:g}; it is a fraction, from 0 to 1")
+    if isinstance(a["limits_cm_s"], str) or not isinstance(a["limits_cm_s"], Iterable):
+        raise ObjectiveError(f"limits_cm_s is {a['limits_cm_s']!r}; give a sequence of speeds, such as (19.7,)")
     for limit in a["limits_cm_s"]:
         if number("a limit in limits_cm_s", limit) < 0.0:
             raise ObjectiveError(f"limits_cm_s has {limit:g}; a speed limit is 0 or more")

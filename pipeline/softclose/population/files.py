@@ -66,6 +66,10 @@ def _shipped(name: str) -> Population:
 
 def read_population(source: str | Path) -> Population:
     """Read a shipped population by name or a TOML file by path. Raises PopulationError, naming the file."""
+    if not isinstance(source, str | Path):
+        raise PopulationError(
+            f"{source!r} is no population; give the path of a TOML file, or one of {', '.join(population_names())}"
+        )
     return _read(source, ())
 
 

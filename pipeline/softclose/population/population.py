@@ -149,7 +149,20 @@ class Population:
         -------
         (n, 4) ndarray of float64
             Columns D, G [µm], E [GPa], T [µm].
+
+        Raises
+        ------
+        PopulationError
+            For another shape or values outside [0, 1].
         """
+        try:
+            p = np.asarray(p, dtype=np.float64)
+        except (TypeError, ValueError) as e:
+            raise PopulationError(
+                f"probabilities cannot be read as numbers ({e}); give an (n, 4) array in [0, 1]"
+            ) from e
+        if p.ndim != 2 or p.shape[1] != len(VARIABLES) or not ((p >= 0.0) & (p <= 1.0)).all():
+            raise PopulationError(f"probabilities of shape {p.shape}; give an (n, 4) array in [0, 1], for D, G, E, T")
         columns = [getattr(self, v).quantile(p[:, i]) for i, v in enumerate(VARIABLES)]
         return np.stack(columns, axis=1)
 

@@ -26,8 +26,10 @@ def find_preset(source: str | os.PathLike[str]) -> Path:
 
 def find_named(source: str | os.PathLike[str], folder: Path, what: str) -> Path:
     """The file of a name shipped in folder, or the file itself. Raises PresetError where there is neither."""
-    path = Path(source)
     names = sorted(p.stem for p in folder.glob("*.toml"))
+    if not isinstance(source, str | os.PathLike):
+        raise PresetError(f"{source!r} is no {what} or file; give a TOML file, or one of {', '.join(names)}")
+    path = Path(source)
     if path.suffix == ".toml" or path.is_file():
         return path
     name = os.fspath(source)

@@ -100,7 +100,10 @@ class Waveform:
     pulses: tuple[Pulse, ...]
 
     def __init__(self, pulses: Iterable[Pulse]) -> None:
-        pulses = tuple(pulses)
+        try:
+            pulses = tuple(pulses)
+        except TypeError as e:
+            raise WaveformError(f"{pulses!r} is no waveform; give a sequence of Pulse") from e
         if not pulses:
             raise WaveformError("a waveform needs at least one pulse; got none")
         for pulse in pulses:
@@ -122,9 +125,11 @@ class Waveform:
         WaveformError
             Where a pulse, or their order, is not allowed.
         """
+        if not isinstance(rows, Iterable):
+            raise WaveformError(f"{rows!r} is no waveform; give rows of start_us, rise_us, peak_us, volts")
         pulses = []
         for number, row in enumerate(rows, start=1):
-            values: list[Any] = list(row)
+            values: list[Any] = list(row) if isinstance(row, Iterable) else [row]
             if len(values) != 4:
                 raise WaveformError(
                     f"pulse {number} has {len(values)} values; it needs 4: start_us, rise_us, peak_us, volts"
@@ -156,7 +161,7 @@ class Waveform:
         ndarray of float64, the same shape
             Voltages [V].
         """
-        t = np.asarray(t_us, dtype=np.float64)
+        t = _numbers(t_us, "t_us")
         u = np.zeros(np.atleast_1d(t).shape)
         for pulse in self.pulses:
             u += pulse.voltage(np.atleast_1d(t))
@@ -197,7 +202,7 @@ class Waveform:
         """
         from softclose.waveform.limit import largest_sum  # imported where it is used: the compiler is slow to import
 
-        return float(largest_sum(self.rows(), float(horizon_us)))
+        return float(largest_sum(self.rows(), float(_numbers(horizon_us, "horizon_us"))))
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
         """Make sure that the sum of the pulses stays within a limit.
@@ -214,9 +219,19 @@ class Waveform:
         WaveformError
             Where the waveform exceeds the limit; says by how much and when.
         """
+        max_volts = float(_numbers(max_volts, "max_volts"))
         peak = self.max_voltage(horizon_us)
         if peak > max_volts * (1.0 + 1e-9):
             raise WaveformError(
                 f"the waveform reaches {peak:.6g} V; the sum of its pulses may not exceed {max_volts:g} V: "
                 "lower or separate the pulses, or raise waveform.max_volts"
             )
+
+
+def _numbers(values: ArrayLike, name: str) -> FloatArray:
+    try:
+        if values is None:
+            raise TypeError("None")
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as e:
+        raise WaveformError(f"{name} is {values!r}; it must be a number or an array of numbers") from e

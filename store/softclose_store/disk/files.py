@@ -26,9 +26,16 @@ from softclose_store.errors import StoreError
 StorePath = str | os.PathLike[str]
 
 
+def path_text(path: StorePath) -> str:
+    """A path or URL as text. Raises StoreError for anything else."""
+    if not isinstance(path, str | os.PathLike):
+        raise StoreError(f"{path!r} is no store; give the path of a directory, or a URL such as s3://bucket/name")
+    return os.fspath(path)
+
+
 def local_path(path: StorePath) -> Path | None:
     """The local directory of a store, or None where `path` is a URL of something else."""
-    text = os.fspath(path)
+    text = path_text(path)
     if not text.strip():
         raise StoreError("the store's path is empty; give a directory to create, or a URL such as s3://bucket/name")
     if "://" not in text:

@@ -22,7 +22,7 @@ from softclose.config import CampaignConfig, load_config
 from softclose.metrics.objective import CM_S, Assessment, Judged
 from softclose.plugins import ENGINES, MEASURED
 from softclose.waveform import Waveform
-from softclose_store import Best, Campaign, DriverStore, open_campaign, store_state, write_block
+from softclose_store import Best, Campaign, DriverStore, open_campaign, path_text, store_state, write_block
 from softclose_workflows.analyses.certificates import write_certificate
 from softclose_workflows.analyses.certification import Certification, Request, assemble, assess_fresh, candidate_name
 from softclose_workflows.analyses.certify import check_size
@@ -117,7 +117,7 @@ class Bench:
         budget: int | None = None,
         settings: Iterable[str] = (),
     ) -> None:
-        path = os.fspath(store)
+        path = path_text(store)
         if store_state(path).kind in ("absent", "unfinished"):
             if source is None or devices is None or budget is None:
                 raise BenchError(f"{path} holds no campaign yet: give a preset, the number of devices and a budget")

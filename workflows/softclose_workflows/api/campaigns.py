@@ -12,10 +12,10 @@ from typing import Any
 from softclose.config import load_config
 from softclose.population.calibrate import Calibration, write_calibration
 from softclose.population.calibrate import calibrate as fit_population
-from softclose.population.measurements import read_measurements
+from softclose.population.measurements import MeasurementError, read_measurements
 from softclose.uncertainty.sensitivity import Sensitivity
 from softclose.uncertainty.tolerance import DriveError, DriveTolerance
-from softclose_store import open_campaign
+from softclose_store import open_campaign, path_text
 from softclose_workflows.analyses import drive_errors
 from softclose_workflows.analyses import rescore as rescoring
 from softclose_workflows.analyses.certification import Certification
@@ -67,7 +67,7 @@ def run(
         Where it ends earlier; `resume` continues.
     """
     _check_main()
-    path = os.fspath(store)
+    path = path_text(store)
     config = warm_started(load_config(os.fspath(source) if isinstance(source, os.PathLike) else source, settings))
     placement = Placement(workers=workers, scheduler=scheduler, serial=serial)
     drive(path, placement, config=config, break_lock=break_lock, quiet=quiet)
@@ -110,7 +110,7 @@ def resume(
         Where it ends earlier.
     """
     _check_main()
-    path = os.fspath(store)
+    path = path_text(store)
     if budget is not None:
         extension.extend(path, budget, break_lock=break_lock)
     if retry_failed:
@@ -132,7 +132,7 @@ def open_run(store: Store) -> CampaignRun:
     StoreMissingError
         Where there is none.
     """
-    path = os.fspath(store)
+    path = path_text(store)
     open_campaign(path)
     return CampaignRun(path)
 
@@ -165,7 +165,7 @@ def certify(
     CertifyError
         For numbers that cannot be used.
     """
-    path = os.fspath(store)
+    path = path_text(store)
     found = certify_store(path, n_switches=n_switches, seed=seed, top=top, threads=threads or n_cores())
     rows = [
         {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.flattery_cm_s}
@@ -205,7 +205,7 @@ def rescore(
     score = rescoring.Score(
         objective=tuple(objective), closed_by_us=closed_by_us, impacts=impacts, impacts_until_us=impacts_until_us
     )
-    path = os.fspath(store)
+    path = path_text(store)
     found = rescoring.rescore(path, score)
     rows = [
         {"candidate": r.candidate, "rank": r.rank, "before": r.rank_before, "switches": r.n_switches}
@@ -243,7 +243,7 @@ def tolerance(
     Result
         One row an error.
     """
-    path = os.fspath(store)
+    path = path_text(store)
     chosen, found = drive_errors.tolerance(
         path, errors, candidate=candidate, n_switches=n_switches, n_generators=n_generators
     )
@@ -279,7 +279,7 @@ def sensitivity(
     Result
         One row an index.
     """
-    path = os.fspath(store)
+    path = path_text(store)
     chosen, found = drive_errors.sensitivity(path, candidate=candidate, points=points, replicates=replicates, seed=seed)
     rows = [
         {
@@ -319,6 +319,8 @@ def calibrate(
     Result
         One row a fitted number.
     """
+    if not isinstance(measurements, str | os.PathLike):
+        raise MeasurementError(f"{measurements!r} is no file of measurements; give the path of a CSV")
     source = Path(measurements)
     target = None if output is None else check_file(Path(output), "output", [".toml"])
     found = fit_population(read_measurements(source), name=name or (target or source).stem, **settings)
@@ -352,7 +354,7 @@ def report(store: Store, output: str | os.PathLike[str] | None = None) -> Path:
     from softclose_workflows.report.gather import gather
     from softclose_workflows.report.page import render_report
 
-    path = os.fspath(store)
+    path = path_text(store)
     target = check_file(Path(default_name(path, ".html") if output is None else output), "output")
     write_text(target, render_report(gather(path)), "output")
     return target

@@ -30,8 +30,8 @@ class Placement:
     """How long to wait without any worker or scheduler [s]."""
 
     def __post_init__(self) -> None:
-        if self.workers is not None and self.workers < 1:
-            raise ExecutorError(f"--workers is {self.workers}; it must be 1 or more")
+        if self.workers is not None and (not isinstance(self.workers, int) or self.workers < 1):
+            raise ExecutorError(f"--workers is {self.workers!r}; it must be a whole number from 1 on")
         if not self.patience_s > 0:
             raise ExecutorError(f"--patience is {self.patience_s:g}; it must be a number of seconds above 0")
         chosen = [self.workers is not None, self.scheduler is not None, self.serial]
