@@ -18,6 +18,7 @@ from softclose.allowed import refusal
 from softclose.naming import nearest
 from softclose.plugins import ENGINES, MODELS, EngineError, ModelError
 from softclose.population import Population, load_population
+from softclose.population.trim import Measured, Scaled, Trim
 from softclose.presets import PresetError, find_preset
 from softclose.waveform import MIN_RISE_US, Waveform
 
@@ -92,6 +93,25 @@ class PopulationSection:
     """Switches in the training ensemble of each candidate."""
     sampling: Literal["monte-carlo", "sobol"] = "monte-carlo"
     """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class TrimSection:
+    """One waveform, adjusted to each switch by what was measured on it."""
+
+    measured: Measured = "nothing"
+    """What is measured on each switch: the voltage at which it closes when that is raised slowly, its resonance."""
+    scaled: Scaled = "voltage and time"
+    """What the measurements change of its drive, each as far as they tell: volts as pull-in voltages, times as
+    periods."""
+    pull_in_error: Annotated[float, Field(ge=0, le=0.3)] = 0.01
+    """Relative standard deviation of a measured pull-in voltage."""
+    resonance_error: Annotated[float, Field(ge=0, le=0.3)] = 0.01
+    """Relative standard deviation of a measured resonance."""
+    bins: Annotated[int, Field(ge=0, le=4096, strict=True)] = 0
+    """Bins of each measured quantity, whose switches share a drive; 0: each switch has its own."""
+    keep_limits: bool = True
+    """Whether every scaled drive keeps waveform.max_volts and waveform.min_rise_us; its scale ends there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -303,6 +323,7 @@ class CampaignConfig:
 
     campaign: CampaignSection = Field(default_factory=CampaignSection)
     population: PopulationSection = Field(default_factory=PopulationSection)
+    trim: TrimSection = Field(default_factory=TrimSection)
     model: ModelSection = Field(default_factory=ModelSection)
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
@@ -476,6 +497,21 @@ class CampaignConfig:
         """The population, from its stored description."""
         return Population.from_dict(self.population_model)
 
+    def build_trim(self) -> Trim | None:
+        """How the drives of the population's switches are scaled; None where one waveform drives them all."""
+        t = self.trim
+        if t.measured == "nothing":
+            return None
+        return Trim(
+            population=self.build_population(),
+            plate_area_um2=self.model.plate_area_um2,
+            measured=t.measured,
+            pull_in_error=t.pull_in_error,
+            resonance_error=t.resonance_error,
+            bins=t.bins,
+            scaled=t.scaled,
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON-able values, the inverse of `from_dict`."""
         dumped: dict[str, Any] = TypeAdapter(CampaignConfig).dump_python(self, mode="json")
@@ -511,6 +547,7 @@ def known_keys() -> dict[str, tuple[str, ...]]:
 _SECTIONS = (
     CampaignSection,
     PopulationSection,
+    TrimSection,
     ModelSection,
     WaveformSection,
     ObjectiveSection,

@@ -7,36 +7,72 @@ everywhere.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from softclose.device import load_model
 from softclose.metrics.objective import Assessment, Response, assess
+from softclose.plugins import SINGLE_MODE
+from softclose.population import Sampling
+from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
 from softclose.waveform import FloatArray, Waveform
+
+N_PARAMETERS = 4
+"""D, G, K and M of a switch; the columns behind them are the scales of its drive."""
 
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig
     from softclose.ensemble import Responses
 
 
+def draw(
+    config: CampaignConfig,
+    n: int,
+    *,
+    seed: int,
+    sampling: Sampling = "monte-carlo",
+    start: int = 0,
+    stream: int = 0,
+) -> FloatArray:
+    """Switches `start` to `start + n` of an ensemble of the campaign's lot.
+
+    Returns (n, 4) float64 D, G [µm], K [N/m], M [µg]; where drives are trimmed (n, 6), voltage and time scale besides.
+    Row i depends on (seed, stream, start + i) and nothing else.
+    """
+    switches = config.build_population().sample(n, seed=seed, sampling=sampling, start=start, stream=stream)
+    trim = config.build_trim()
+    return switches if trim is None else trim.trimmed(switches, seed=seed, start=start, stream=stream)
+
+
 def respond(
     config: CampaignConfig, switches: FloatArray, waveform: Waveform, *, max_volts: float = math.inf, **outputs: Any
 ) -> Responses:
-    """Responses of switches (n, 4) to one waveform, by the campaign's device model and with its settings.
+    """Responses of switches to one waveform, by the campaign's device model and with its settings.
 
+    switches: (n, 4), each driven by the waveform itself; or (n, 6) as `draw` returns them: where the campaign trims,
+    each by the waveform scaled for it, within the limits (ADR 066). Their sampled x and v are those at the time scale
+    times `times_us`.
     max_volts [V]: above it WaveformError; reference designs and faulty drives are simulated whatever the campaign's
     limit. outputs: `times_us`, `max_impacts`, `dtype` and `threads` of the device model.
     """
     model, compute = config.model, config.compute
-    return load_model(model.name)(
-        switches,
-        waveform,
-        horizon_us=model.horizon_us,
+    simulate: Simulate = partial(
+        load_model(model.name),
         restitution=model.restitution,
         plate_area_um2=model.plate_area_um2,
         rtol=compute.rtol,
         method=compute.method,
-        max_volts=max_volts,
-        **outputs,
+        **{"horizon_us": model.horizon_us, "max_volts": max_volts} | outputs,
+    )
+    if switches.shape[1] == N_PARAMETERS or config.trim.measured == "nothing":
+        return simulate(switches[:, :N_PARAMETERS], waveform)
+    waveform.check(max_volts, model.horizon_us)
+    scales, plain = drive_scales(config, switches, waveform), switches[:, :N_PARAMETERS]
+    if model.name == SINGLE_MODE:
+        return by_equal_switches(simulate, plain, waveform, scales)
+    anything = partial(simulate, max_volts=math.inf)
+    return drive_by_drive(
+        anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=outputs.get("times_us")
     )
 
 
@@ -58,7 +94,7 @@ def evaluate(
     fresh: bool = False,
     threads: int = 1,
 ) -> Assessment:
-    """Assess one waveform on switches (n, 4); see `respond` and `judge`."""
+    """Assess one waveform on switches; see `respond` and `judge`."""
     return judge(config, respond(config, switches, waveform, max_volts=max_volts, threads=threads), fresh=fresh)
 
 

@@ -59,6 +59,27 @@ def pull_in_voltage(switches: ArrayLike, plate_area_um2: float = PLATE_AREA_UM2)
     return np.asarray(np.sqrt(8e-6 * s[..., 2] * s[..., 1] ** 3 / (27.0 * EPSILON_0 * plate_area_um2)))
 
 
+def closing_voltage(switches: ArrayLike, plate_area_um2: float = PLATE_AREA_UM2) -> FloatArray:
+    """Slowly raised voltage at which a switch closes [V].
+
+    It is the pull-in voltage (Eq. 3) where the travel goes beyond G/3, else what holds the plate at the contact.
+
+    switches: (..., 4) columns D, G [µm], K [N/m], M [µg]; returns shape (...). Independent of the mass.
+    """
+    s = np.asarray(switches, dtype=np.float64)
+    beyond = s[..., 0] > s[..., 1] / 3.0
+    return np.where(beyond, pull_in_voltage(s, plate_area_um2), holding_voltage(s, plate_area_um2))
+
+
+def resonance(switches: ArrayLike) -> FloatArray:
+    """First resonance of a switch at rest [kHz]: √(K / M) / 2π.
+
+    switches: (..., 4) columns D, G [µm], K [N/m], M [µg]; returns shape (...).
+    """
+    s = np.asarray(switches, dtype=np.float64)
+    return np.asarray(np.sqrt(s[..., 2] / s[..., 3] * KG_TO_UG) / (2e3 * np.pi))
+
+
 def stiffness_from_pull_in(volts: ArrayLike, gap_um: ArrayLike, plate_area_um2: float = PLATE_AREA_UM2) -> FloatArray:
     """Stiffness K [N/m] of a plate that pulls in at this voltage: Eq. 3 solved for K; broadcasts."""
     u = np.asarray(volts, dtype=np.float64)

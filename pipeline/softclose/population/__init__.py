@@ -6,4 +6,5 @@ from softclose.population.files import population_names as population_names
 from softclose.population.population import UNITS as UNITS
 from softclose.population.population import VARIABLES as VARIABLES
 from softclose.population.population import Population as Population
+from softclose.population.population import Sampling as Sampling
 from softclose.population.population import switches_from_parameters as switches_from_parameters

@@ -258,6 +258,18 @@ def switches_from_parameters(parameters: ArrayLike) -> FloatArray:
     return np.stack([p[:, 0], p[:, 1], stiffness(p[:, 2], p[:, 3]), mass(p[:, 3])], axis=1)
 
 
+def index_uniforms(n: int, *, seed: int, start: int, stream: int) -> FloatArray:
+    """(n, 4) independent uniforms in [0, 1): row i depends on (seed, stream, start + i) and nothing else."""
+    words = _key(seed, stream, "monte-carlo").generate_state(2, np.uint64)
+    # One Philox block is four 64-bit words: exactly one row, so the counter is the row's index.
+    return np.random.Generator(np.random.Philox(key=words, counter=int(start))).random((int(n), 4))
+
+
+def _key(seed: int, stream: int, sampling: str) -> np.random.SeedSequence:
+    """Spreads a seed of any size over Philox's 128-bit key; the last spawn key tells the samplings apart."""
+    return np.random.SeedSequence(int(seed), spawn_key=(int(stream), SAMPLINGS.index(sampling)))
+
+
 def _uniforms(n: int, *, seed: int, sampling: str, start: int, stream: int) -> FloatArray:
     """Rows `start` to `start + n` of the (seed, stream) sequence in [0, 1)⁴."""
     for what, value, least in (("n", n, 1), ("seed", seed, 0), ("start", start, 0), ("stream", stream, 0)):
@@ -265,17 +277,13 @@ def _uniforms(n: int, *, seed: int, sampling: str, start: int, stream: int) -> F
             raise PopulationError(f"{what} is {value!r}; it must be an integer of {least} or more")
     if sampling not in SAMPLINGS:
         raise PopulationError(f"sampling is {sampling!r}; it must be one of {', '.join(SAMPLINGS)}")
-    # SeedSequence spreads a seed of any size over Philox's 128-bit key; the last spawn key tells the samplings apart.
-    key = np.random.SeedSequence(int(seed), spawn_key=(int(stream), SAMPLINGS.index(sampling)))
     if sampling == "monte-carlo":
-        # One Philox block is four 64-bit words: exactly one switch, so the counter is the switch's index.
-        words = key.generate_state(2, np.uint64)
-        return np.random.Generator(np.random.Philox(key=words, counter=int(start))).random((int(n), 4))
+        return index_uniforms(n, seed=seed, start=start, stream=stream)
     from scipy.stats import qmc
 
     if start + n > _MAX_SOBOL:
         raise PopulationError(f"start + n is {start + n}; a Sobol sequence has at most {_MAX_SOBOL} points")
-    engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(key))
+    engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(_key(seed, stream, sampling)))
     if start:
         engine.fast_forward(int(start))
         return np.asarray(engine.random(int(n)))

@@ -131,7 +131,7 @@ class Problem:
         """The few switches whose free swing the engines may look at."""
         from softclose.propose.swing import Lot  # imported where it is used: the compiler is slow to import
 
-        return Lot.of(self.population, plate_area_um2=self.config.model.plate_area_um2)
+        return Lot.of(self.population, plate_area_um2=self.config.model.plate_area_um2, trim=self.config.build_trim())
 
     @cached_property
     def design_blocks(self) -> dict[tuple[str, int, int], NDArray[np.float64]]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
+from softclose.evaluate import draw
 from softclose.evaluate import evaluate as apply
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
@@ -37,7 +38,7 @@ class EngineRun:
 
 
 def evaluate(problem: Problem, switches: FloatArray, wave: Wave, index: int, proposal: Proposal) -> Observation:
-    """Simulate and assess one proposal on the first of the switches (n, 4); without store or cluster."""
+    """Simulate and assess one proposal on the first of the switches; without store or cluster."""
     a = apply(
         problem.config,
         switches[: proposal.n_switches],
@@ -78,9 +79,7 @@ def run_engine(
     problem = Problem(config)
     search = None if isinstance(engine, str) else engine
     proposer = Proposer(problem, search)
-    switches = problem.population.sample(
-        config.n_switches_max, seed=config.campaign.seed, sampling=config.population.sampling
-    )
+    switches = draw(config, config.n_switches_max, seed=config.campaign.seed, sampling=config.population.sampling)
     history: list[Observation] = []
     wall, spent = [], []
     begin = time.perf_counter()

@@ -15,8 +15,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from softclose.kernel.dispatch import devices
-from softclose.plate import holding_voltage, pull_in_voltage
+from softclose.plate import closing_voltage, holding_voltage
 from softclose.population import Population
+from softclose.population.trim import Trim, effective
 
 FloatArray = NDArray[np.float64]
 
@@ -39,14 +40,18 @@ class Lot:
     """Pulls 99 % of the lot in (static, Eq. 3) [V]."""
 
     @classmethod
-    def of(cls, population: Population, *, plate_area_um2: float) -> Lot:
-        """The lot of a population; the same every time."""
-        few = population.sample(_N_SWITCHES, seed=0, sampling="sobol")
+    def of(cls, population: Population, *, plate_area_um2: float, trim: Trim | None = None) -> Lot:
+        """The lot of a population; the same every time. Where drives are trimmed, the switches that the common waveform
+        moves alike, but for errors of measurement."""
+
+        def drawn(n: int) -> FloatArray:
+            switches = population.sample(n, seed=0, sampling="sobol")
+            return switches if trim is None else effective(switches, trim.scales(trim.true(switches)))
+
+        few, many = drawn(_N_SWITCHES), drawn(_N_STATIC)
         mean = np.asarray(population.mean_switch, dtype=np.float64)
-        many = population.sample(_N_STATIC, seed=0, sampling="sobol")
         hold = holding_voltage(many, plate_area_um2)
-        travel, gap = many[:, 0], many[:, 1]
-        pull_in = np.where(travel > gap / 3.0, pull_in_voltage(many, plate_area_um2), hold)
+        pull_in = closing_voltage(many, plate_area_um2)
         return cls(
             devices=devices(np.vstack([mean, few]), plate_area_um2),
             weak_hold_volts=float(np.quantile(hold, 0.9)),

@@ -85,12 +85,14 @@ def sensitivity(
     asked = None if config is None else config.model.plate_area_um2
     area = population.plate_area(asked)
     settings = load_config({"model": {"plate_area_um2": area}}) if config is None else config
+    trim = settings.build_trim()
     touched = closed = total = 0
     spread: list[FloatArray] = []
 
     def outputs(p: FloatArray) -> FloatArray:
         nonlocal touched, closed, total
-        r = respond(settings, switches_from_parameters(population.quantile(p.T)), waveform)
+        switches = switches_from_parameters(population.quantile(p.T))
+        r = respond(settings, switches if trim is None else trim.followed(switches), waveform)
         v = np.asarray(r.max_contact_speed, dtype=np.float64)
         total += v.size
         touched += int((~np.isnan(v)).sum())

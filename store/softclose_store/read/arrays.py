@@ -65,8 +65,13 @@ def layout_of(files: Store, root: Root) -> Layout:
     raise StoreError(f"the time grid cannot be read ({problem}): run `softclose verify --repair`")
 
 
+LOT = ("D", "G", "K", "M", "voltage_scale", "time_scale")
+"""What a simulation takes of each switch: its own parameters, then the scales of its drive."""
+
+
 def read_switches(path: StorePath) -> NDArray[np.float64]:
-    """The whole ensemble: (n_switches, 4) float64, columns D [µm], G [µm], K [N/m], M [µg]."""
+    """The whole ensemble: (n_switches, 6) float64, columns D [µm], G [µm], K [N/m], M [µg], and the voltage and time
+    scale of its drive: 1 where one waveform drives all."""
     files = open_files(path, read_only=True)
     read_root(files, normalised(path))
     return switches_of(files)
@@ -74,4 +79,4 @@ def read_switches(path: StorePath) -> NDArray[np.float64]:
 
 def switches_of(files: Store) -> NDArray[np.float64]:
     """The whole ensemble of the store whose files are given."""
-    return np.column_stack([read_array(files, name) for name in ("D", "G", "K", "M")])
+    return np.column_stack([read_array(files, name) for name in LOT])

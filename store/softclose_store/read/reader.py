@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from softclose_store.disk.files import StorePath, local_path, normalised, open_files
 from softclose_store.errors import DamageError, StoreError
-from softclose_store.read.arrays import UNREADABLE, layout_of, read_array
+from softclose_store.read.arrays import LOT, UNREADABLE, layout_of, read_array
 from softclose_store.read.rows import LazyRows
 from softclose_store.read.table import Table
 from softclose_store.schema.fields import PARAMETERS, POPULATION, QUANTITIES, limit_texts
@@ -333,8 +333,15 @@ class Campaign:
 
     def switches(self) -> FloatArray:
         """The whole ensemble as the simulator takes it: (n_switches, 4), columns D, G, K, M."""
+        return self.lot()[:, :4]
+
+    def lot(self) -> FloatArray:
+        """The whole ensemble with its drives: (n_switches, 6), columns D, G, K, M, voltage scale, time scale.
+
+        The scales are those that were asked for; a drive's limits may end them earlier.
+        """
         population = self.population()
-        return np.column_stack([population[name] for name in ("D", "G", "K", "M")])
+        return np.column_stack([population[name] for name in LOT])
 
     def dataset(self, stage: str | None = None) -> xr.Dataset:
         """The tables as xarray sees them, lazily.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Version of this schema; a store of another one is refused by name."""
 
 N_SURROGATE = 32
@@ -28,6 +28,8 @@ POPULATION = {
     "T": ("thickness", "µm"),
     "K": ("stiffness", "N/m"),
     "M": ("effective mass", "µg"),
+    "voltage_scale": ("scale of the volts of its drive", "1"),
+    "time_scale": ("scale of the times of its drive", "1"),
 }
 """Per-switch properties: name -> (meaning, unit)."""
 

@@ -131,8 +131,8 @@ class DriverStore:
         return self._root.n_waves
 
     @property
-    def population(self) -> NDArray[np.float64]:
-        """(n_switches, 4) float64: D [µm], G [µm], K [N/m], M [µg]."""
+    def lot(self) -> NDArray[np.float64]:
+        """(n_switches, 6) float64: D [µm], G [µm], K [N/m], M [µg], voltage and time scale of the drive."""
         return switches_of(self._plain)
 
     def records(self) -> dict[str, NDArray[Any]]:

@@ -8,13 +8,14 @@ draws, so Eq. 11 and its companions hold whatever the campaign's own sampling is
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
 from softclose.config import CampaignConfig
+from softclose.evaluate import N_PARAMETERS, draw, respond
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
-from softclose.population import Population
 from softclose.waveform import FloatArray, Waveform
 from softclose_store import Campaign, DamageError, StoreMissingError, group_attributes, open_campaign
 from softclose_workflows.analyses.certificates import STREAM as STREAM
@@ -144,22 +145,24 @@ def _certified(
 ) -> Certification:
     """The certification that a request stands for; have: responses of designs that are known already."""
     waveforms = {candidate_name(i): Waveform.from_rows(campaign.waveform(i)) for i in request.candidates}
-    waveforms |= reference_designs(config).designs
+    references = reference_designs(config).designs
+    waveforms |= references
     new = {name: waveform for name, waveform in waveforms.items() if name not in have}
     responses = simulate_fresh(
         config,
         list(new.values()),
         n_switches=request.n_switches,
         seed=request.seed,
+        untrimmed=[i for i, name in enumerate(new) if name in references],
         threads=threads,
         listener=listener,
     )
     return assemble(campaign, config, waveforms, have | dict(zip(new, responses, strict=True)), request)
 
 
-def fresh_switches(population: Population, n: int, *, seed: int, start: int = 0) -> FloatArray:
-    """Switches `start` to `start + n` of the certification ensemble `seed`: (n, 4) D, G, K, M."""
-    return population.sample(n, seed=seed, sampling="monte-carlo", start=start, stream=STREAM)
+def fresh_switches(config: CampaignConfig, n: int, *, seed: int, start: int = 0) -> FloatArray:
+    """Switches `start` to `start + n` of the certification ensemble `seed`, as `softclose.evaluate.draw` gives them."""
+    return draw(config, n, seed=seed, start=start, stream=STREAM)
 
 
 def simulate_fresh(
@@ -168,22 +171,24 @@ def simulate_fresh(
     *,
     n_switches: int,
     seed: int,
+    untrimmed: Collection[int] = (),
     threads: int = 1,
     listener: Step | None = None,
 ) -> list[Judged]:
-    """Metrics of every waveform on the same fresh switches of the campaign's population, a part at a time."""
-    from softclose.evaluate import respond
+    """Metrics of every waveform on the same fresh switches of the campaign's lot, a part at a time.
 
-    population = config.build_population()
+    untrimmed: the waveforms that drive every switch as they are, whatever the campaign measures.
+    """
     v = np.empty((len(waveforms), n_switches))
     closed = np.empty(v.shape, dtype=np.bool_)
     status = np.empty(v.shape, dtype=np.int8)
     total, done = v.size, 0
     for start in range(0, n_switches, PART):
         rows = slice(start, min(start + PART, n_switches))
-        switches = fresh_switches(population, rows.stop - start, seed=seed, start=start)
+        switches = fresh_switches(config, rows.stop - start, seed=seed, start=start)
         for i, waveform in enumerate(waveforms):
-            response = respond(config, switches, waveform, threads=threads)
+            driven = switches[:, :N_PARAMETERS] if i in untrimmed else switches
+            response = respond(config, driven, waveform, threads=threads)
             v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
             status[i, rows] = response.status
             done += len(switches)

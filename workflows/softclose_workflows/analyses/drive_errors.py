@@ -25,7 +25,7 @@ def tolerance(
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
     rows = drive_tolerance(
-        fresh_switches(chosen.config.build_population(), n_switches, seed=chosen.seed),
+        fresh_switches(chosen.config, n_switches, seed=chosen.seed),
         chosen.waveform,
         errors=errors or DEFAULT_ERRORS,
         n_generators=n_generators,

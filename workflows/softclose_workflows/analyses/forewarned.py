@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softclose.config import CampaignConfig
-from softclose.plate import holding_voltage, pull_in_voltage
+from softclose.plate import closing_voltage
 from softclose.plugins import SINGLE_MODE
 
 _N = 4096
@@ -17,7 +17,8 @@ def forewarnings(config: CampaignConfig) -> list[str]:
     if config.model.name != SINGLE_MODE:
         return []  # pull-in is a notion of Eqs. 1-3; another model may have none
     limit = config.waveform.max_volts
-    volts = closing_voltages(config)
+    switches = config.build_population().sample(_N, seed=0, sampling="sobol")
+    volts = closing_voltage(switches, config.model.plate_area_um2)
     share = float((volts > limit).mean())
     if share == 0.0:
         return []
@@ -25,18 +26,6 @@ def forewarnings(config: CampaignConfig) -> list[str]:
         f"waveform.max_volts is {limit:g} V, below the pull-in voltage of {_percent(share)} of the lot "
         f"(median {np.median(volts):.0f} V, up to {volts.max():.0f} V): such switches close only by swinging, if at all"
     ]
-
-
-def closing_voltages(config: CampaignConfig) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Slowly raised voltage at which each of some switches of the lot closes [V].
-
-    It is the pull-in voltage (Eq. 3) where the travel goes beyond G/3, else what holds the plate at the contact.
-    """
-    switches = config.build_population().sample(_N, seed=0, sampling="sobol")
-    area = config.model.plate_area_um2
-    beyond = switches[:, 0] > switches[:, 1] / 3.0
-    volts = np.where(beyond, pull_in_voltage(switches, area), holding_voltage(switches, area))
-    return np.asarray(volts, dtype=np.float64)
 
 
 def _percent(share: float) -> str:

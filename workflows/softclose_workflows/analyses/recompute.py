@@ -63,7 +63,7 @@ def replay(path: str, k: int, seed: int = 0) -> Replay:
         every = []
     blocks = [every[int(j)] for j in sorted(rng.permutation(len(every))[:k])]
     chosen = sorted(int(w) for w in rng.permutation(len(waves))[:k])
-    switches = campaign.switches()
+    switches = campaign.lot()
     differing = [problem for block in blocks for problem in _compare_block(campaign, config, stored, switches, *block)]
     proposer, history = Proposer(problem), records.observations(stored)
     for w in chosen:
@@ -159,7 +159,7 @@ def _block(store: DriverStore, stage: str, row: int, column: int) -> dict[str, N
             f"block ({row}, {column}) of stage {stage} in {store.path} was measured: nothing computes it again; "
             "restore it from a copy"
         )
-    return _block_arrays(config, store.layout, store.population, store.records(), stage, row, column)
+    return _block_arrays(config, store.layout, store.lot, store.records(), stage, row, column)
 
 
 def _record(store: DriverStore, i: int) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from softclose.config import CampaignConfig
 from softclose.device import ModelError
-from softclose.evaluate import respond
+from softclose.evaluate import N_PARAMETERS, respond
 from softclose.waveform import FloatArray, Waveform
 
 if TYPE_CHECKING:
@@ -56,7 +56,11 @@ class SimulatedReferences:
 
 
 def simulate_references(config: CampaignConfig, switches: FloatArray) -> SimulatedReferences:
-    """What switches (n, 4) do under the reference designs; without the campaign's device model all are missing."""
+    """What switches do under the reference designs; without the campaign's device model all are missing.
+
+    Reference designs are what a lot is driven with today: nothing is scaled for a switch.
+    """
+    switches = switches[:, :N_PARAMETERS]
     references = reference_designs(config)
     try:
         responses = {name: (u, respond(config, switches, u)) for name, u in references.designs.items()}

@@ -24,7 +24,7 @@ def print_result(path: str) -> None:
     if best is None:
         standing = read_standing(path)
         raise Stopped(f"none of its {standing.committed} candidates could be assessed; first reason: {standing.reason}")
-    switches = campaign.switches()[: best.n_switches]
+    switches = campaign.lot()[: best.n_switches]
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
     interval = f"{config.objective.confidence:.0%}"
     kind = (

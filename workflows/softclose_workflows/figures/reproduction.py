@@ -114,7 +114,7 @@ def _response(folder: Path, row: Row) -> Path:
     from softclose_workflows.analyses.certify import fresh_switches
 
     config, waveform = row.config, row.certified.waveform
-    switches = fresh_switches(config.build_population(), N_DRAWN, seed=config.campaign.seed)
+    switches = fresh_switches(config, N_DRAWN, seed=config.campaign.seed)
     t = np.linspace(0.0, 120.0, 481)
     r = respond(config, switches, waveform, times_us=t, dtype=np.float32)
     assert r.x is not None

@@ -176,7 +176,7 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
             ),
         )
     ]
-    switches = campaign.switches()[:n]
+    switches = campaign.lot()[:n]
     references = simulate_references(config, switches)
     for name, (waveform, r) in reversed(references.responses.items()):
         designs.append(

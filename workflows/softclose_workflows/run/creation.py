@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from softclose import ALGORITHM
 from softclose.config import CampaignConfig
+from softclose.evaluate import N_PARAMETERS, draw
+from softclose.population.trim import N_SCALES
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
 from softclose.waveform import FloatArray
@@ -36,18 +40,20 @@ def create_store(config: CampaignConfig, path: str) -> None:
 
 
 def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
-    """The campaign's whole ensemble: columns D, G, E, T, K, M, (n_switches_max,) each."""
-    population = config.build_population()
+    """The campaign's whole ensemble: columns D, G, E, T, K, M and the scales of the drives, (n_switches_max,) each."""
     n, seed, sampling = config.n_switches_max, config.campaign.seed, config.population.sampling
-    parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
-    switches = population.sample(n, seed=seed, sampling=sampling)
+    parameters = config.build_population().sample_parameters(n, seed=seed, sampling=sampling)
+    lot = draw(config, n, seed=seed, sampling=sampling)
+    scales = lot[:, N_PARAMETERS:] if config.build_trim() is not None else np.ones((n, N_SCALES))
     return {
         "D": parameters[:, 0],
         "G": parameters[:, 1],
         "E": parameters[:, 2],
         "T": parameters[:, 3],
-        "K": switches[:, 2],
-        "M": switches[:, 3],
+        "K": lot[:, 2],
+        "M": lot[:, 3],
+        "voltage_scale": scales[:, 0],
+        "time_scale": scales[:, 1],
     }
 
 

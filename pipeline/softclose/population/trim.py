@@ -1,0 +1,245 @@
+"""Owns trim: one waveform, adjusted to each switch by two numbers that were measured on it.
+
+A switch's drive is a u(t / b): voltage scale a, time scale b. Substituting t = b s in Eq. 1 leaves the same equation
+with stiffness K / a² and mass M / (a b)², speeds divided by b: a switch that is stiff and slow becomes one like the
+mean switch as far as what was measured tells (ADR 066).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
+
+from softclose.plate import closing_voltage, resonance
+from softclose.population.population import Population, index_uniforms
+
+FloatArray = NDArray[np.float64]
+
+Measured = Literal["nothing", "pull-in", "resonance", "pull-in and resonance"]
+
+Scaled = Literal["voltage", "time", "voltage and time"]
+
+N_SCALES = 2
+"""Voltage and time scale."""
+
+_STREAM = 7_100_000
+"""Added to an ensemble's stream: errors of measurement are independent of the switches."""
+
+_N_REFERENCE = 16384
+"""Switches from which the edges of bins are computed: a quantile of them is known to half a percent of the spread."""
+
+
+class TrimError(ValueError):
+    """A trim or a measured value that cannot be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """What a drive is multiplied by; (n,) each, or single numbers."""
+
+    voltage: FloatArray
+    """a: the drive's volts are multiplied by it."""
+    time: FloatArray
+    """b: its instants and durations are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trim:
+    """What is measured on each switch, how well, and the scales that follow from it.
+
+    a is the pull-in voltage, over the mean switch's, that is to be expected of a switch of this lot with these measured
+    values; b is the mean switch's frequency over the one to be expected: linear regressions of the logarithms on the
+    measured ones, errors of measurement included. So what is known badly is followed less, and what is not measured as
+    far as it goes with what is: in the paper's lot, pull-in voltage and resonance are correlated to 0.97.
+    With n bins a measured value counts as the median of its bin, of n that are equally likely.
+    """
+
+    population: Population
+    """The lot."""
+    plate_area_um2: float
+    """Its plate area [µm²]."""
+    measured: Measured = "pull-in and resonance"
+    """What is measured: the voltage at which a switch closes when it is raised slowly, its first resonance, or both."""
+    pull_in_error: float = 0.01
+    """Relative standard deviation of a measured pull-in voltage."""
+    resonance_error: float = 0.01
+    """Relative standard deviation of a measured frequency."""
+    bins: int = 0
+    """Bins of each measured quantity; 0: each switch by itself."""
+    scaled: Scaled = "voltage and time"
+    """Which of a drive's two scales its generator has."""
+    _reference: tuple[float, float] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        mean = np.asarray(self.population.mean_switch, dtype=np.float64)
+        reference = float(closing_voltage(mean, self.plate_area_um2)), float(resonance(mean))
+        object.__setattr__(self, "_reference", reference)
+
+    @property
+    def reference(self) -> tuple[float, float]:
+        """Pull-in voltage [V] and resonance [kHz] of the mean switch, whose scales are 1."""
+        return self._reference
+
+    @property
+    def _columns(self) -> tuple[int, ...]:
+        """Columns of measured values that are used: 0 the pull-in voltage, 1 the resonance."""
+        return tuple(i for i, name in enumerate(("pull-in", "resonance")) if name in self.measured)
+
+    def true(self, switches: ArrayLike) -> FloatArray:
+        """What a perfect instrument would measure: (n, 2) pull-in voltage [V], resonance [kHz].
+
+        Parameters
+        ----------
+        switches : (n, 4) array-like of float64
+            Columns D, G [µm], K [N/m], M [µg].
+        """
+        s = np.asarray(switches, dtype=np.float64)
+        return np.column_stack([closing_voltage(s, self.plate_area_um2), resonance(s)])
+
+    def measure(self, switches: ArrayLike, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
+        """What is measured of switches `start` to `start + n` of an ensemble.
+
+        The errors depend on (seed, stream, index of the switch) and nothing else.
+
+        Parameters
+        ----------
+        switches : (n, 4) array-like of float64
+            Columns D, G [µm], K [N/m], M [µg].
+        seed, start, stream
+            Those with which the switches were drawn.
+
+        Returns
+        -------
+        (n, 2) ndarray of float64
+            Pull-in voltage [V], resonance [kHz].
+        """
+        true = self.true(switches)
+        u = index_uniforms(len(true), seed=seed, start=start, stream=stream + _STREAM)[:, :N_SCALES]
+        return true * self._factors(u)
+
+    def _factors(self, u: FloatArray) -> FloatArray:
+        """1 + relative errors of uniform numbers; no instrument is wrong by more than nine tenths."""
+        z = ndtri(np.clip(u, 1e-12, 1.0 - 1e-12))
+        return np.asarray(np.maximum(1.0 + z * [self.pull_in_error, self.resonance_error], 0.1))
+
+    def scales(self, measured: ArrayLike) -> Scales:
+        """The scales of switches that were measured.
+
+        Parameters
+        ----------
+        measured : (n, 2) array-like of float64
+            Pull-in voltage [V], resonance [kHz]; what is not used may be NaN.
+
+        Returns
+        -------
+        Scales
+            (n,) voltage and time scales.
+
+        Raises
+        ------
+        TrimError
+            For another shape, or a value in use that is not above 0.
+        """
+        m = np.asarray(measured, dtype=np.float64)
+        if m.ndim != 2 or m.shape[1] != N_SCALES:
+            raise TrimError(f"measured values have shape {m.shape}; give (n, 2): pull-in voltage [V], resonance [kHz]")
+        rows = [np.ones(len(m))]
+        for column in self._columns:
+            values = m[:, column]
+            bad = ~(np.isfinite(values) & (values > 0.0))
+            if bad.any():
+                what = ("pull-in voltage", "resonance")[column]
+                raise TrimError(f"row {int(np.argmax(bad))}: the {what} is {values[bad][0]:g}; it must be above 0")
+            if self.bins:
+                edges, middles = self.bins_of(column)
+                values = middles[np.searchsorted(edges, values, side="right")]
+            rows.append(np.log(values / self.reference[column]))
+        voltage, frequency = self.coefficients @ np.stack(rows)
+        plain = np.zeros(len(m))
+        return Scales(
+            voltage=np.exp(voltage if "voltage" in self.scaled else plain),
+            time=np.exp(-frequency if "time" in self.scaled else plain),
+        )
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """(2, 1 + number of measured quantities) regression of the logarithms of pull-in voltage and frequency, each
+        over the mean switch's: constant, then slopes on the measured ones."""
+        return _regression(self)
+
+    def bins_of(self, column: int) -> tuple[FloatArray, FloatArray]:
+        """(bins - 1,) edges and (bins,) medians of the measured values: column 0 in volts, column 1 in kHz."""
+        values, p = _sorted_values(self, column), np.arange(self.bins) / self.bins
+        return np.quantile(values, p[1:]), np.quantile(values, p + 0.5 / self.bins)
+
+    def trimmed(self, switches: ArrayLike, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
+        """Switches with the scales of their drives.
+
+        Parameters
+        ----------
+        switches, seed, start, stream
+            See `measure`.
+
+        Returns
+        -------
+        (n, 6) ndarray of float64
+            Columns D, G [µm], K [N/m], M [µg], voltage scale, time scale.
+        """
+        found = self.scales(self.measure(switches, seed=seed, start=start, stream=stream))
+        return np.column_stack([np.asarray(switches, dtype=np.float64), found.voltage, found.time])
+
+    def followed(self, switches: FloatArray) -> FloatArray:
+        """`trimmed` by a perfect instrument: what of a switch's deviation is left is not an error's."""
+        found = self.scales(self.true(switches))
+        return np.column_stack([switches, found.voltage, found.time])
+
+
+@functools.lru_cache(maxsize=16)
+def _sorted_values(trim: Trim, column: int) -> FloatArray:
+    """Measured values of many switches of the lot, in order."""
+    switches = trim.population.sample(_N_REFERENCE, seed=0, sampling="sobol")
+    return np.sort(trim.measure(switches, seed=0)[:, column])
+
+
+@functools.lru_cache(maxsize=16)
+def _regression(trim: Trim) -> FloatArray:
+    switches = trim.population.sample(_N_REFERENCE, seed=0, sampling="sobol")
+    wanted = np.log(trim.true(switches) / trim.reference)
+    known = np.log(trim.measure(switches, seed=0) / trim.reference)[:, trim._columns]
+    table = np.column_stack([np.ones(len(known)), known])
+    # Rounded: another machine's linear algebra ends in other bits, and the scales are part of a store's identity.
+    return np.round(np.linalg.lstsq(table, wanted, rcond=None)[0].T, 9)
+
+
+def effective(switches: FloatArray, scales: Scales) -> FloatArray:
+    """The switches that, driven by the common waveform, move as these do by their own: (n, 4) D, G, K/a², M/(a b)².
+
+    Their travels are the same at times b as large, their speeds b times as large.
+    """
+    found = np.array(switches[:, :4], dtype=np.float64)
+    found[:, 2] /= scales.voltage**2
+    found[:, 3] /= (scales.voltage * scales.time) ** 2
+    return found
+
+
+def limited(scales: Scales, *, peak_V: float, max_volts: float, shortest_rise_us: float, min_rise_us: float) -> Scales:
+    """Scales that keep a waveform within the drive's limits: a peak / max_volts at most 1, a rise at least as long.
+
+    Parameters
+    ----------
+    scales : Scales
+        What the measurements ask for.
+    peak_V, shortest_rise_us : float
+        Of the common waveform [V], [µs].
+    max_volts, min_rise_us : float
+        Limits of every drive [V], [µs].
+    """
+    highest = max_volts / peak_V if peak_V > 0.0 else math.inf
+    lowest = min_rise_us / shortest_rise_us if shortest_rise_us > 0.0 else 0.0
+    return Scales(voltage=np.minimum(scales.voltage, highest), time=np.maximum(scales.time, lowest))

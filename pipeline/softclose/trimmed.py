@@ -1,0 +1,85 @@
+"""Owns responses of switches whose drives are scaled: by the kernel through an equal switch, else drive by drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softclose.population.trim import Scales, effective, limited
+from softclose.waveform import FloatArray, Pulse, Waveform
+
+if TYPE_CHECKING:
+    from softclose.config import CampaignConfig
+    from softclose.ensemble import Responses
+
+Simulate = Callable[..., "Responses"]
+"""(switches (n, 4), waveform, horizon_us, times_us) -> responses."""
+
+_TIMES = ("first_contact_us", "settling_us", "impact_time_us")
+_SPEEDS = ("max_contact_speed", "final_v", "impact_speed", "v")
+
+
+def drive_scales(config: CampaignConfig, lot: FloatArray, waveform: Waveform) -> Scales:
+    """The scales of each switch's drive under one waveform, within the campaign's limits; lot: (n, 6)."""
+    asked = Scales(voltage=lot[:, 4], time=lot[:, 5])
+    if not config.trim.keep_limits:
+        return asked
+    return limited(
+        asked,
+        peak_V=waveform.max_voltage(config.model.horizon_us),
+        max_volts=config.waveform.max_volts,
+        shortest_rise_us=min(p.rise_us for p in waveform.pulses),
+        min_rise_us=config.waveform.min_rise_us,
+    )
+
+
+def scaled(waveform: Waveform, voltage: float, time: float) -> Waveform:
+    """The drive of one switch: a u(t / b)."""
+    return Waveform(
+        [Pulse(p.start_us * time, p.rise_us * time, p.peak_us * time, p.volts * voltage) for p in waveform.pulses]
+    )
+
+
+def by_equal_switches(simulate: Simulate, switches: FloatArray, waveform: Waveform, scales: Scales) -> Responses:
+    """For Eqs. 1-2: the responses of the switches that the common waveform moves alike, in these ones' times and
+    speeds. Sampled travels and speeds are those at b times the instants asked for."""
+    found = simulate(effective(switches, scales), waveform)
+    changed: dict[str, Any] = {}
+    for names, factor in ((_TIMES, scales.time), (_SPEEDS, 1.0 / scales.time)):
+        for name in names:
+            values = getattr(found, name)
+            if values is not None:
+                by = factor.reshape(-1, *[1] * (values.ndim - 1))
+                changed[name] = (values * by).astype(values.dtype)
+    return replace(found, **changed)
+
+
+def drive_by_drive(
+    simulate: Simulate,
+    switches: FloatArray,
+    waveform: Waveform,
+    scales: Scales,
+    *,
+    horizon_us: float,
+    times_us: Any = None,
+) -> Responses:
+    """For any device model: each distinct drive by itself, its horizon and sampled instants scaled as it is."""
+    pairs, which = np.unique(np.column_stack([scales.voltage, scales.time]), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    columns: dict[str, Any] = {}
+    first: Responses | None = None
+    for i, (a, b) in enumerate(pairs):
+        rows = which == i
+        times = None if times_us is None else np.asarray(times_us) * b
+        found = simulate(switches[rows], scaled(waveform, a, b), horizon_us=horizon_us * b, times_us=times)
+        first = found if first is None else first
+        for field in fields(found):
+            values = getattr(found, field.name)
+            if values is not None and field.name != "times_us":
+                whole = columns.setdefault(field.name, np.empty((len(switches), *values.shape[1:]), values.dtype))
+                whole[rows] = values
+    assert first is not None
+    return replace(first, times_us=None if times_us is None else np.asarray(times_us), **columns)
