@@ -24,7 +24,11 @@ _SPEEDS = ("max_contact_speed", "final_v", "impact_speed", "v")
 
 def drive_scales(config: CampaignConfig, lot: FloatArray, waveform: Waveform) -> Scales:
     """The scales of each switch's drive under one waveform, within the campaign's limits; lot: (n, 6)."""
-    asked = Scales(voltage=lot[:, 4], time=lot[:, 5])
+    return limited_scales(config, Scales(voltage=lot[:, 4], time=lot[:, 5]), waveform)
+
+
+def limited_scales(config: CampaignConfig, asked: Scales, waveform: Waveform) -> Scales:
+    """What of the scales asked for is given under one waveform: all, unless the campaign keeps its drive's limits."""
     if not config.trim.keep_limits:
         return asked
     return limited(

@@ -170,6 +170,7 @@ def test_every_section_documents_its_keys() -> None:
     assert set(known_keys()) == {
         "campaign",
         "population",
+        "trim",
         "model",
         "waveform",
         "objective",

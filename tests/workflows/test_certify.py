@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
-from softclose import Pulse, Waveform, load_population, simulate
+from softclose import Pulse, Waveform, simulate
 from softclose.config import CampaignConfig, load_config
 from softclose_store import DamageError, list_groups, open_campaign, read_group
 from softclose_workflows.analyses.certify import (
@@ -54,18 +54,17 @@ def test_candidates_are_ranked_by_what_they_do_on_fresh_switches(store: str) -> 
 
 def test_each_switch_is_the_simulation_of_a_fresh_switch(store: str) -> None:
     result = certify(store, n_switches=N, top=4)
-    population = load_population("current")
-    again = simulate(fresh_switches(population, N, seed=result.seed), result.best.waveform)
+    again = simulate(fresh_switches(load_config("current"), N, seed=result.seed), result.best.waveform)
     np.testing.assert_array_equal(result.best.response.max_contact_speed, again.max_contact_speed)
     np.testing.assert_array_equal(result.best.response.closed, again.closed)
 
 
 def test_no_seed_makes_the_fresh_switches_the_training_switches() -> None:
-    population = load_population("current")
-    training = {tuple(row) for row in population.sample(500, seed=1)}
+    config = load_config("current")
+    training = {tuple(row) for row in config.build_population().sample(500, seed=1)}
     assert STREAM != 0
     for seed in range(5):
-        assert not training & {tuple(row) for row in fresh_switches(population, 500, seed=seed)}
+        assert not training & {tuple(row) for row in fresh_switches(config, 500, seed=seed)}
 
 
 def test_certified_candidates_are_distinct_waveforms(store: str) -> None:

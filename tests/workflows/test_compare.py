@@ -101,7 +101,7 @@ def test_on_fresh_switches_all_are_judged_alike_and_differences_are_paired(
         best = open_campaign(finished_store if entry is a else another_store).best()
         assert best is not None
         config = entry.data.config
-        switches = fresh_switches(config.build_population(), 500, seed=a.data.config.campaign.seed)
+        switches = fresh_switches(config, 500, seed=a.data.config.campaign.seed)
         expected = evaluate(config, switches, Waveform.from_rows(best.waveform), fresh=True)
         assert entry.design is not None
         assert entry.design.assessment == expected

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from softclose import load_population
 from softclose.config import load_config
-from softclose.plate import pull_in_voltage
-from softclose_workflows.analyses.forewarned import closing_voltages, forewarnings
+from softclose.plate import closing_voltage, pull_in_voltage
+from softclose_workflows.analyses.forewarned import forewarnings
 from softclose_workflows.cli import main
 
 SETS = (
@@ -39,8 +39,8 @@ def test_a_travel_below_a_third_of_the_gap_closes_where_it_is_held(tmp_path: Pat
     path = tmp_path / "short.toml"
     path.write_text('base = "current"\n[D]\ndistribution = "fixed"\nvalue = 1.0\n')
     config = load_config("current", [f"population.name={path}"])
-    pull_in = pull_in_voltage(config.build_population().sample(4096, seed=0, sampling="sobol"))
-    assert (closing_voltages(config) < pull_in).all()
+    switches = config.build_population().sample(4096, seed=0, sampling="sobol")
+    assert (closing_voltage(switches) < pull_in_voltage(switches)).all()
 
 
 def test_run_says_it_first_and_says_why_a_row_is_missing(tmp_path: Path) -> None:

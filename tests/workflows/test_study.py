@@ -73,9 +73,8 @@ def test_a_row_is_one_value_and_a_column_the_optimum_of_one() -> None:
     optima = [_optimum(waveforms[0], 40, 3, 11.0), _optimum(waveforms[1], 60, 4, 12.0)]
     g = cross_evaluate(members, optima, EFFORT)
     assert np.diag(g).tolist() == [11.0, 12.0]
-    population = load_population("current")
     for i, j, n, seed in ((0, 1, 40, 3), (1, 0, 60, 4)):
-        switches = fresh_switches(population, n, seed=seed)
+        switches = fresh_switches(members[i].config, n, seed=seed)
         assert g[i, j] == evaluate(members[i].config, switches, waveforms[j], fresh=True).g_cm_s
     assert g[0, 1] != g[1, 0]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,8 +26,18 @@ COLUMNS = ("G_um", "D_um", "T_um", "pull_in_V")
 MIN_DEVICES = 8
 """Fewer devices than this fix no distribution: the bounds would be guesses."""
 
-_RANGE = {"G_um": (0.5, 20.0), "D_um": (0.1, 20.0), "T_um": (0.5, 20.0), "pull_in_V": (1.0, 1000.0)}
-_SLIPS = {"µm": ((1e6, "metres"), (1e3, "millimetres"), (1e-3, "nanometres")), "V": ((1e3, "kV"), (1e-3, "mV"))}
+_RANGE = {
+    "G_um": (0.5, 20.0),
+    "D_um": (0.1, 20.0),
+    "T_um": (0.5, 20.0),
+    "pull_in_V": (1.0, 1000.0),
+    "resonance_kHz": (0.1, 10_000.0),
+}
+_SLIPS = {
+    "µm": ((1e6, "metres"), (1e3, "millimetres"), (1e-3, "nanometres")),
+    "V": ((1e3, "kV"), (1e-3, "mV")),
+    "kHz": ((1e-3, "Hz"), (1e3, "MHz")),
+}
 
 
 class MeasurementError(ValueError):
@@ -50,9 +61,43 @@ class Measurements:
 
 
 def read_measurements(path: str | Path) -> Measurements:
-    """Read a CSV with the columns of `COLUMNS`, one device a line. Raises MeasurementError, naming line and column.
+    """Read a CSV with the columns of `COLUMNS`, one device a line; see `read_devices`. Raises MeasurementError."""
+    devices, table, places = read_devices(path, COLUMNS)
+    for (gap, travel, thickness, _), where in zip(table, places, strict=True):
+        if travel >= gap:
+            raise MeasurementError(
+                f"{where}: D_um is {travel:g} and G_um {gap:g}; the travel must be less than the gap"
+            )
+        if thickness <= A1:
+            raise MeasurementError(f"{where}: T_um is {thickness:g}; Eq. 4 has no stiffness at or below {A1} µm")
+    if len(table) < MIN_DEVICES:
+        raise MeasurementError(
+            f"{path} has {len(table)} devices; at least {MIN_DEVICES} are needed to fit distributions"
+        )
+    return Measurements(device=devices, **dict(zip(COLUMNS, table.T, strict=True)))
+
+
+def read_devices(path: str | Path, columns: Sequence[str]) -> tuple[tuple[str, ...], FloatArray, tuple[str, ...]]:
+    """Read some columns of a CSV, one device a line.
 
     Columns are separated by commas, semicolons or tabs, as the header shows; lines that begin with # are comments.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    columns : sequence of str
+        Names of those that it must have, of the quantities known here; others are ignored, but for `device`.
+
+    Returns
+    -------
+    tuple
+        Names of the devices; their values, (n, columns) float64; where each is written.
+
+    Raises
+    ------
+    MeasurementError
+        Naming line and column.
     """
     try:
         text = Path(path).read_text("utf-8-sig")  # spreadsheets like to write a byte-order mark
@@ -63,18 +108,19 @@ def read_measurements(path: str | Path) -> Measurements:
     separator = next((s for s in (";", "\t") if s in first), ",")
     reader = csv.reader(lines, delimiter=separator)
     header = [name.strip() for name in next((row for row in reader if row), [])]
-    for name in COLUMNS:
+    for name in columns:
         if name not in header:
-            others = [h for h in header if h not in COLUMNS]
+            others = [h for h in header if h not in columns]
             close = nearest(name, others, cutoff=0.3)
             hint = f"; is {close!r} meant? Then rename it" if close else ""
             raise MeasurementError(
                 f"{path} has no column {name!r}{hint}. It has {', '.join(map(repr, header)) or 'no header'}; "
-                f"needed: {', '.join(COLUMNS)}"
+                f"needed: {', '.join(columns)}"
             )
         if header.count(name) > 1:
             raise MeasurementError(f"{path} has {header.count(name)} columns {name!r}; keep one")
     devices: list[str] = []
+    places: list[str] = []
     rows: list[list[float]] = []
     signs: dict[str, str] = {}
     for fields in reader:
@@ -88,7 +134,7 @@ def read_measurements(path: str | Path) -> Measurements:
             )
         row = dict(zip(header, fields, strict=False))
         device = row.get("device", "").strip() or f"line {reader.line_num}"
-        numbers = {name: row.get(name, "").strip() for name in COLUMNS}
+        numbers = {name: row.get(name, "").strip() for name in columns}
         for sign in ",.":
             for field in numbers.values():
                 if sign in field:
@@ -100,19 +146,10 @@ def read_measurements(path: str | Path) -> Measurements:
             )
         rows.append([_value(name, field.replace(",", ".", 1), where) for name, field in numbers.items()])
         devices.append(device)
-        gap, travel, thickness, _ = rows[-1]
-        if travel >= gap:
-            raise MeasurementError(
-                f"{where}: D_um is {travel:g} and G_um {gap:g}; the travel must be less than the gap"
-            )
-        if thickness <= A1:
-            raise MeasurementError(f"{where}: T_um is {thickness:g}; Eq. 4 has no stiffness at or below {A1} µm")
-    if len(rows) < MIN_DEVICES:
-        raise MeasurementError(
-            f"{path} has {len(rows)} devices; at least {MIN_DEVICES} are needed to fit distributions"
-        )
-    table = np.array(rows).T
-    return Measurements(device=tuple(devices), **dict(zip(COLUMNS, table, strict=True)))
+        places.append(where)
+    if not rows:
+        raise MeasurementError(f"{path} has no devices below its header")
+    return tuple(devices), np.array(rows), tuple(places)
 
 
 def _value(name: str, field: str, where: str) -> float:
@@ -121,7 +158,7 @@ def _value(name: str, field: str, where: str) -> float:
     except ValueError as e:
         raise MeasurementError(f"{where}: {name} is {field.strip()!r}; it must be a number such as 3.7 or 3,7") from e
     low, high = _RANGE[name]
-    unit = "V" if name.endswith("_V") else "µm"
+    unit = {"V": "V", "kHz": "kHz", "um": "µm"}[name.rpartition("_")[2]]
     if not low <= value <= high:
         slip = next((f": are these {other}?" for f, other in _SLIPS[unit] if low <= value * f <= high), "")
         got = f"{value:g}" if math.isfinite(value) else repr(field.strip())

@@ -31,6 +31,9 @@ N_SCALES = 2
 _STREAM = 7_100_000
 """Added to an ensemble's stream: errors of measurement are independent of the switches."""
 
+_FARTHEST = 3.0
+"""A measured value beyond so many times the mean switch's, or below that part of it, is a slip of units."""
+
 _N_REFERENCE = 16384
 """Switches from which the edges of bins are computed: a quantile of them is known to half a percent of the spread."""
 
@@ -87,7 +90,7 @@ class Trim:
         return self._reference
 
     @property
-    def _columns(self) -> tuple[int, ...]:
+    def columns(self) -> tuple[int, ...]:
         """Columns of measured values that are used: 0 the pull-in voltage, 1 the resonance."""
         return tuple(i for i, name in enumerate(("pull-in", "resonance")) if name in self.measured)
 
@@ -150,12 +153,18 @@ class Trim:
         if m.ndim != 2 or m.shape[1] != N_SCALES:
             raise TrimError(f"measured values have shape {m.shape}; give (n, 2): pull-in voltage [V], resonance [kHz]")
         rows = [np.ones(len(m))]
-        for column in self._columns:
+        for column in self.columns:
             values = m[:, column]
+            what = ("pull-in voltage", "resonance")[column]
             bad = ~(np.isfinite(values) & (values > 0.0))
             if bad.any():
-                what = ("pull-in voltage", "resonance")[column]
                 raise TrimError(f"row {int(np.argmax(bad))}: the {what} is {values[bad][0]:g}; it must be above 0")
+            far = np.abs(np.log(values / self.reference[column])) > math.log(_FARTHEST)
+            if far.any():
+                raise TrimError(
+                    f"row {int(np.argmax(far))}: the {what} is {values[far][0]:g}, but the mean switch of "
+                    f"{self.population.name!r} has {self.reference[column]:.3g} {('V', 'kHz')[column]}: what unit is it?"
+                )
             if self.bins:
                 edges, middles = self.bins_of(column)
                 values = middles[np.searchsorted(edges, values, side="right")]
@@ -211,10 +220,10 @@ def _sorted_values(trim: Trim, column: int) -> FloatArray:
 def _regression(trim: Trim) -> FloatArray:
     switches = trim.population.sample(_N_REFERENCE, seed=0, sampling="sobol")
     wanted = np.log(trim.true(switches) / trim.reference)
-    known = np.log(trim.measure(switches, seed=0) / trim.reference)[:, trim._columns]
+    known = np.log(trim.measure(switches, seed=0) / trim.reference)[:, trim.columns]
     table = np.column_stack([np.ones(len(known)), known])
     # Rounded: another machine's linear algebra ends in other bits, and the scales are part of a store's identity.
-    return np.round(np.linalg.lstsq(table, wanted, rcond=None)[0].T, 9)
+    return np.asarray(np.round(np.linalg.lstsq(table, wanted, rcond=None)[0].T, 9))
 
 
 def effective(switches: FloatArray, scales: Scales) -> FloatArray:

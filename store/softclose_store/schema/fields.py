@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 2
 """Version of this schema; a store of another one is refused by name."""
 
 N_SURROGATE = 32

@@ -53,6 +53,7 @@ def output_option(command: Command) -> Command:
     "  softclose export runs/a.zarr waveform --format dac --bits 14 --full-scale 200 -o drive.txt\n"
     "  softclose export runs/a.zarr waveform --format keysight-arb --gain 20 -o drive.arb\n"
     "  softclose export runs/a.zarr ensemble --format netcdf --trajectories -o best.nc\n"
+    "  softclose export runs/a.zarr trim --devices measured.csv -o drives.csv\n"
     "  softclose export runs/a.zarr history > history.csv"
 )
 @click.argument("store", metavar="STORE")
@@ -124,10 +125,21 @@ def export(ctx: click.Context, store: str) -> None:
     show_default=True,
     help="dac: lines beginning with # before the codes; FILE.json says the same in any case.",
 )
+@click.option("--pull-in", "pull_in_V", type=float, metavar="V", help="Trimmed: the switch's measured pull-in voltage.")
+@click.option("--resonance", "resonance_kHz", type=float, metavar="kHz", help="Trimmed: its measured resonance.")
 @output_option
 @click.pass_context
-def waveform(ctx: click.Context, /, form: str, candidate: int | None, output: Path | None, **settings: Any) -> None:
-    """The drive waveform of one candidate."""
+def waveform(
+    ctx: click.Context,
+    /,
+    form: str,
+    candidate: int | None,
+    pull_in_V: float | None,
+    resonance_kHz: float | None,
+    output: Path | None,
+    **settings: Any,
+) -> None:
+    """The drive waveform of one candidate; scaled for one switch where what was measured on it is given."""
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
 
@@ -137,6 +149,13 @@ def waveform(ctx: click.Context, /, form: str, candidate: int | None, output: Pa
     campaign = open_campaign(store)
     i = _candidate(campaign, candidate)
     drive = Waveform.from_rows(campaign.waveform(i))
+    if pull_in_V is not None or resonance_kHz is not None:
+        from softclose.config import CampaignConfig
+        from softclose_workflows.exports.trim import drive_of
+
+        config = CampaignConfig.from_dict(campaign.config)
+        drive, scales = drive_of(config, drive, pull_in_V=pull_in_V, resonance_kHz=resonance_kHz)
+        click.echo(f"volts × {float(scales.voltage[0]):.4f}, times × {float(scales.time[0]):.4f}", err=True)
     if form == "pwl":
         from softclose_workflows.exports.pwl import draw, spice_source
 
@@ -269,6 +288,40 @@ def history(store: str, /, form: str, output: Path | None) -> None:
 
     _check(output)
     _emit_table(history_dataset(open_campaign(store)), form, output)
+
+
+@export.command(
+    epilog="\b\nExamples:\n  softclose export runs/a.zarr trim -o scales.csv\n"
+    "  softclose export runs/a.zarr trim --devices measured.csv -o drives.csv"
+)
+@click.option(
+    "--devices",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    metavar="CSV",
+    help="Measured devices, with the columns pull_in_V and resonance_kHz as far as they are measured.",
+)
+@click.option(
+    "--rows",
+    type=click.IntRange(2, 1000),
+    default=41,
+    show_default=True,
+    help="Without --devices: values of each measured quantity; a campaign with bins has one row a bin.",
+)
+@candidate_option
+@output_option
+@click.pass_obj
+def trim(store: str, /, devices: Path | None, rows: int, candidate: int | None, output: Path | None) -> None:
+    """From what is measured on a switch to the scales of its drive: a table for the test floor."""
+    from softclose.config import CampaignConfig
+    from softclose.waveform import Waveform
+    from softclose_store import open_campaign
+    from softclose_workflows.exports.trim import device_table, grid_table
+
+    _check(output)
+    campaign = open_campaign(store)
+    config = CampaignConfig.from_dict(campaign.config)
+    drive = Waveform.from_rows(campaign.waveform(_candidate(campaign, candidate)))
+    _emit(grid_table(config, drive, rows) if devices is None else device_table(config, drive, devices), output)
 
 
 def _candidate(campaign: Campaign, i: int | None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -13,8 +14,10 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    epilog="\b\nShipped studies: restitution, repeatability, design-change, c1, u-max\n\n\b\nExamples:\n"
+    epilog="\b\nShipped studies: restitution, repeatability, design-change, c1, u-max, trim-error, trim-bins\n\n"
+    "\b\nExamples:\n"
     "  softclose study restitution --out runs/restitution\n"
+    "  softclose study trim-error --out runs/trim --figure worth.svg --beside runs/improved.zarr\n"
     "  softclose study mine.toml --out runs/mine --set campaign.budget=60 --json"
 )
 @click.argument("source", metavar="NAME|FILE")
@@ -22,6 +25,13 @@ if TYPE_CHECKING:
 @click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting of all.")
 @click.option("--switches", type=click.IntRange(min=1), default=100_000, show_default=True, help="Fresh switches.")
 @click.option("--top", type=click.IntRange(min=1), default=10, show_default=True, help="Candidates certified in each.")
+@click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
+@click.option(
+    "--beside",
+    multiple=True,
+    metavar="STORE",
+    help="In the figure: a certified campaign to compare with, as a line across. Repeatable.",
+)
 @placement_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
@@ -31,6 +41,8 @@ def study(
     overrides: tuple[str, ...],
     switches: int,
     top: int,
+    figure: Path | None,
+    beside: tuple[str, ...],
     placement: Placement,
     as_json: bool,
     quiet: bool,
@@ -39,12 +51,18 @@ def study(
 
     Stopped or killed, the same command continues; what is finished is not computed again.
     """
+    from softclose_workflows.figures.saving import check_figure, save
+    from softclose_workflows.figures.studying import draw_study, other
+    from softclose_workflows.figures.style import style
     from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.studies.series import Effort
     from softclose_workflows.studies.study import print_study, run_study
     from softclose_workflows.studies.study_file import load_study
     from softclose_workflows.tell.plain import json_text
 
+    if figure is not None:
+        check_figure(figure)
+    others = [other(path) for path in beside]
     effort = Effort(
         n_switches=switches,
         top=top,
@@ -53,6 +71,9 @@ def study(
         quiet=quiet or as_json,
     )
     result = run_study(load_study(source, overrides), out, effort)
+    if figure is not None:
+        with style():
+            save(draw_study(result, others), figure)
     if as_json:
         click.echo(json_text(result.to_json()))
     else:

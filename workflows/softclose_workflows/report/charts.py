@@ -16,7 +16,7 @@ from softclose.propose.dependence import Dependence
 from softclose.propose.origins import group_of
 from softclose.waveform import FloatArray
 from softclose_workflows.report import shapes
-from softclose_workflows.report.data import Design, ReportData
+from softclose_workflows.report.data import Design, ReportData, TrimShown
 from softclose_workflows.tell import labels
 
 Chart = dict[str, Any]
@@ -222,6 +222,30 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
 def plain(text: str) -> str:
     """Plotly reads a little markup in its texts: strangers' names must not."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("%{", "% {")
+
+
+def trim_scales(trim: TrimShown, limit: int = 2000) -> Chart:
+    """Time scale against voltage scale of each switch's drive."""
+    a, b = trim.voltage[:limit], trim.time[:limit]
+    return {
+        "data": [
+            {
+                "x": numbers(a),
+                "y": numbers(b),
+                "mode": "markers",
+                "marker": {"color": "@best/0.55", "size": 4},
+                "customdata": list(range(len(a))),
+                "hovertemplate": "switch %{customdata}<br>volts × %{x:.3f}<br>times × %{y:.3f}<extra></extra>",
+            }
+        ],
+        "layout": layout(
+            axis("Voltage scale of the drive"),
+            axis("Time scale of the drive"),
+            height=340,
+        ),
+        "alt": f"Time scale against voltage scale of {len(a)} drives: volts from {a.min():.2f} to {a.max():.2f}, times "
+        f"from {b.min():.2f} to {b.max():.2f} of the common waveform's.",
+    }
 
 
 def switches(data: ReportData, design: Design, name: str, limit: int = 2000) -> Chart:

@@ -64,6 +64,20 @@ class Design:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrimShown:
+    """What scaling its drives does for the best candidate, on the training switches."""
+
+    voltage: FloatArray
+    """(n,) voltage scale of each switch's drive, within the limits."""
+    time: FloatArray
+    """(n,) time scale."""
+    n_limited: int
+    """Switches whose scales end at a limit of the drive."""
+    untrimmed: Design
+    """The same waveform where every switch gets it as it is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidates:
     """The committed candidates, column by column; NaN where a number is undefined."""
 
@@ -114,6 +128,8 @@ class ReportData:
     """A few switches of each candidate that a reader may pick, by index."""
     missing_references: dict[str, str]
     """Reference designs that there is nothing to show of on the training switches, and why."""
+    trim: TrimShown | None
+    """What trim brings; None where nothing is measured or there is no best candidate."""
     dependence: Dependence | None
     certification: Certification | None
     """What fresh switches say, if the store has a certification."""

@@ -11,17 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
-from softclose.evaluate import judge
+from softclose.device import ModelError
+from softclose.evaluate import N_PARAMETERS, judge, respond
 from softclose.metrics.objective import CM_S
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
+from softclose.trimmed import drive_scales
 from softclose.waveform import FloatArray, Waveform
 from softclose_store.schema.fields import SURROGATE_PREFIX
 from softclose_workflows.analyses.certify import read_certification
 from softclose_workflows.analyses.references import simulate_references
-from softclose_workflows.report.data import BEST, Candidates, Design, ReportData, Traces, reference_name
+from softclose_workflows.report.data import BEST, Candidates, Design, ReportData, Traces, TrimShown, reference_name
 from softclose_workflows.report.shapes import shares, speed_edges
 from softclose_workflows.run.records import observations
+from softclose_workflows.tell import labels
 
 if TYPE_CHECKING:
     from softclose_store import Campaign, StoredResponses
@@ -66,9 +69,10 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         n_total=campaign.budget,
         candidates=candidates,
         best=index,
-        parameters={name: np.asarray(values) for name, values in campaign.population().items()},
+        parameters={name: np.asarray(campaign.population()[name]) for name in labels.PARAMETERS},
         designs=designs,
         missing_references=missing,
+        trim=_trim(campaign, config, designs[0]) if index is not None else None,
         edges_cm_s=edges,
         shares=shares,
         samples=samples if picks else {},
@@ -190,6 +194,31 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
             )
         )
     return tuple(designs), references.missing
+
+
+def _trim(campaign: Campaign, config: CampaignConfig, best: Design) -> TrimShown | None:
+    """What scaling the best candidate's drives brings; None where nothing is scaled or the device model is missing."""
+    if config.build_trim() is None:
+        return None
+    lot = campaign.lot()[: len(best.speed_cm_s)]
+    try:
+        plain = respond(config, lot[:, :N_PARAMETERS], best.waveform)
+    except ModelError:
+        return None
+    scales = drive_scales(config, lot, best.waveform)
+    return TrimShown(
+        voltage=scales.voltage,
+        time=scales.time,
+        n_limited=int(((scales.voltage != lot[:, 4]) | (scales.time != lot[:, 5])).sum()),
+        untrimmed=Design(
+            name="the same drive for all",
+            role="unshaped",
+            waveform=best.waveform,
+            speed_cm_s=plain.max_contact_speed * CM_S,
+            closed=plain.closed,
+            assessment=judge(config, plain),
+        ),
+    )
 
 
 def _dependence(config: CampaignConfig, history: list[Observation]) -> Dependence | None:

@@ -11,6 +11,7 @@ import gzip
 import hashlib
 import json
 import math
+from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -140,6 +141,10 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         figures["densities"] = charts.densities(judged, [d.role for d in judged], _top_speed(judged))
         for name in "DGET":
             figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
+    if data.trim is not None and data.best_design is not None:
+        pair = (replace(data.best_design, name="each switch its own drive"), data.trim.untrimmed)
+        figures["trim-speeds"] = charts.densities(pair, [d.role for d in pair], _top_speed(pair))
+        figures["trim-scales"] = charts.trim_scales(data.trim)
     for name in data.parameters:
         figures[f"population-{name}"] = charts.population(data, name)
     if data.n_committed:

@@ -21,6 +21,9 @@ TRANSFORMS = {
 }
 """Parameters that are no key of the configuration but a transform of the population."""
 
+TOGETHER = {"trim.error": ("trim.pull_in_error", "trim.resonance_error")}
+"""Parameters that set several keys to one value."""
+
 KEYS = ("name", "title", "base", "parameter", "values", "unit", "set", "weights", "variables")
 
 
@@ -35,7 +38,7 @@ class Study:
     base: str
     """Preset or file that every campaign starts from."""
     parameter: str
-    """`section.key` of the configuration, or one of TRANSFORMS."""
+    """`section.key` of the configuration, or one of TRANSFORMS or TOGETHER."""
     values: tuple[float, ...]
     """Its values."""
     unit: str = ""
@@ -55,7 +58,7 @@ class Study:
         path = self.base
         settings = list(self.settings)
         if self.parameter not in TRANSFORMS:
-            settings.append(f"{self.parameter}={value!r}")
+            settings += [f"{key}={value!r}" for key in TOGETHER.get(self.parameter, (self.parameter,))]
         config = load_config(path, settings)
         label = f"{self.parameter.rpartition('.')[2]} {value:g}"
         data = config.to_dict()
