@@ -100,7 +100,8 @@ class TrimSection:
     """One waveform, adjusted to each switch by what was measured on it."""
 
     measured: Measured = "nothing"
-    """What is measured on each switch: the voltage at which it closes when that is raised slowly, its resonance."""
+    """What is measured on each switch: the voltage at which it closes when that is raised slowly, its resonance; or
+    only whether and when it touches in a few actuations."""
     scaled: Scaled = "voltage and time"
     """What the measurements change of its drive, each as far as they tell: volts as pull-in voltages, times as
     periods."""
@@ -108,6 +109,10 @@ class TrimSection:
     """Relative standard deviation of a measured pull-in voltage."""
     resonance_error: Annotated[float, Field(ge=0, le=0.3)] = 0.01
     """Relative standard deviation of a measured resonance."""
+    actuations: Annotated[int, Field(ge=2, le=64, strict=True)] = 10
+    """Contact times: closings and attempts of each switch in all, from which its scales are learned."""
+    contact_time_error_us: Annotated[float, Field(ge=0, le=10)] = 0.1
+    """Contact times: standard deviation of one timed contact [µs]."""
     bins: Annotated[int, Field(ge=0, le=4096, strict=True)] = 0
     """Bins of each measured quantity, whose switches share a drive; 0: each switch has its own."""
     keep_limits: bool = True

@@ -6,11 +6,15 @@ everywhere.
 
 from __future__ import annotations
 
+import json
 import math
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from softclose.device import load_model
+from softclose.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of, step
 from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import SINGLE_MODE
 from softclose.population import Sampling
@@ -41,7 +45,45 @@ def draw(
     """
     switches = config.build_population().sample(n, seed=seed, sampling=sampling, start=start, stream=stream)
     trim = config.build_trim()
-    return switches if trim is None else trim.trimmed(switches, seed=seed, start=start, stream=stream)
+    if trim is None:
+        return switches
+    if trim.measured == "contact times":
+        learned = learn(config)
+        told = actuate(touch_of(config), switches, learned.protocol, seed=seed, start=start, stream=stream)
+        return trim.trimmed(switches, learned.estimate(told))
+    return trim.trimmed(switches, trim.measure(switches, seed=seed, start=start, stream=stream))
+
+
+def touch_of(config: CampaignConfig) -> Touch:
+    """How the campaign's switches answer steps, each of its own voltage within the drive's limit."""
+
+    def touch(switches: FloatArray, volts: FloatArray) -> FloatArray:
+        highest = np.minimum(volts, config.waveform.max_volts)
+        lot = np.column_stack([switches, highest / STEP_VOLTS, np.ones(len(switches))])
+        return respond(config, lot, step(config.waveform.min_rise_us)).first_contact_us
+
+    return touch
+
+
+def learn(config: CampaignConfig) -> Learned:
+    """What contact times tell of a switch of the campaign's lot."""
+    return _learned(json.dumps(config.to_dict(), sort_keys=True))
+
+
+@lru_cache(maxsize=4)
+def _learned(text: str) -> Learned:
+    from softclose.config import CampaignConfig
+
+    config = CampaignConfig.from_dict(json.loads(text))
+    trim, settings = config.build_trim(), config.trim
+    assert trim is not None
+    protocol = protocol_of(
+        trim,
+        actuations=settings.actuations,
+        error_us=settings.contact_time_error_us,
+        max_volts=config.waveform.max_volts,
+    )
+    return Learned.of(trim, protocol, touch_of(config))
 
 
 def respond(

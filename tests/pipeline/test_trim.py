@@ -176,7 +176,7 @@ def test_a_switch_s_scales_depend_on_seed_stream_and_index_only():
 def test_bins_are_equally_likely_and_their_switches_share_a_drive():
     t = trim(measured="pull-in", bins=5)
     switches = t.population.sample(20_000, seed=1)
-    values, counts = np.unique(t.trimmed(switches, seed=1)[:, 4], return_counts=True)
+    values, counts = np.unique(t.trimmed(switches, t.measure(switches, seed=1))[:, 4], return_counts=True)
     assert len(values) == 5
     np.testing.assert_allclose(counts / 20_000, 0.2, atol=0.012)
     edges, middles = t.bins_of(0)
@@ -187,7 +187,7 @@ def test_bins_are_equally_likely_and_their_switches_share_a_drive():
         atol=0.012,
     )
     single = trim(measured="pull-in", bins=1)
-    assert len(np.unique(single.trimmed(switches, seed=1)[:, 4])) == 1
+    assert len(np.unique(single.trimmed(switches, single.measure(switches, seed=1))[:, 4])) == 1
 
 
 # Limits.

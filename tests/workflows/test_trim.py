@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from softclose import Waveform
 from softclose.config import CampaignConfig, load_config
-from softclose.evaluate import draw, evaluate, respond
+from softclose.evaluate import draw, evaluate, learn, respond, touch_of
+from softclose.learning import actuate
 from softclose.trimmed import drive_scales
 from softclose_store import open_campaign, verify
 from softclose_workflows import api
@@ -237,3 +238,24 @@ def test_lowering_the_error_of_measurement_lands_softer(tmp_path):
         )
         g.append(open_campaign(path).best().g_cm_s)
     assert g[0] < g[1]
+
+
+def test_devices_known_by_their_contact_times_get_the_scales_of_the_campaign(tmp_path):
+    path = made(tmp_path / "c.zarr", "trim.measured=contact times")
+    campaign = open_campaign(path)
+    config = CampaignConfig.from_dict(campaign.config)
+    told = actuate(touch_of(config), campaign.switches(), learn(config).protocol, seed=config.campaign.seed)
+    devices = tmp_path / "devices.csv"
+    lines = [f"{volts!r},{time!r}" for volts, time in told.tolist()]
+    devices.write_text("threshold_V,contact_time_us\n" + "\n".join(lines) + "\n")
+    done = invoke("export", path, "trim", "--candidate", 2, "--devices", devices)
+    assert done.exit_code == 0, done.output
+    scales = drive_scales(config, campaign.lot(), Waveform.from_rows(campaign.waveform(2)))
+    rows = table(done.stdout)
+    assert_allclose([float(row["voltage_scale"]) for row in rows], scales.voltage, atol=1e-6)
+    assert_allclose([float(row["time_scale"]) for row in rows], scales.time, atol=1e-6)
+    grid = table(invoke("export", path, "trim", "--rows", 4).stdout)
+    assert len(grid) == 16
+    done = invoke("export", path, "waveform", "--pull-in", 70)
+    assert done.exit_code == 2
+    assert "columns threshold_V and contact_time_us" in done.output

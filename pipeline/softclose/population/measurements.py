@@ -32,11 +32,14 @@ _RANGE = {
     "T_um": (0.5, 20.0),
     "pull_in_V": (1.0, 1000.0),
     "resonance_kHz": (0.1, 10_000.0),
+    "threshold_V": (1.0, 1000.0),
+    "contact_time_us": (0.1, 1e5),
 }
 _SLIPS = {
     "µm": ((1e6, "metres"), (1e3, "millimetres"), (1e-3, "nanometres")),
     "V": ((1e3, "kV"), (1e-3, "mV")),
     "kHz": ((1e-3, "Hz"), (1e3, "MHz")),
+    "µs": ((1e6, "seconds"), (1e3, "ms"), (1e-3, "ns")),
 }
 
 
@@ -158,7 +161,7 @@ def _value(name: str, field: str, where: str) -> float:
     except ValueError as e:
         raise MeasurementError(f"{where}: {name} is {field.strip()!r}; it must be a number such as 3.7 or 3,7") from e
     low, high = _RANGE[name]
-    unit = {"V": "V", "kHz": "kHz", "um": "µm"}[name.rpartition("_")[2]]
+    unit = {"V": "V", "kHz": "kHz", "um": "µm", "us": "µs"}[name.rpartition("_")[2]]
     if not low <= value <= high:
         slip = next((f": are these {other}?" for f, other in _SLIPS[unit] if low <= value * f <= high), "")
         got = f"{value:g}" if math.isfinite(value) else repr(field.strip())

@@ -21,7 +21,7 @@ from softclose.population.population import Population, index_uniforms
 
 FloatArray = NDArray[np.float64]
 
-Measured = Literal["nothing", "pull-in", "resonance", "pull-in and resonance"]
+Measured = Literal["nothing", "pull-in", "resonance", "pull-in and resonance", "contact times"]
 
 Scaled = Literal["voltage", "time", "voltage and time"]
 
@@ -68,7 +68,8 @@ class Trim:
     plate_area_um2: float
     """Its plate area [µm²]."""
     measured: Measured = "pull-in and resonance"
-    """What is measured: the voltage at which a switch closes when it is raised slowly, its first resonance, or both."""
+    """What is measured: the voltage at which a switch closes when it is raised slowly, its first resonance, or both; or
+    contact times only, from which `softclose.learning` estimates the two."""
     pull_in_error: float = 0.01
     """Relative standard deviation of a measured pull-in voltage."""
     resonance_error: float = 0.01
@@ -92,6 +93,8 @@ class Trim:
     @property
     def columns(self) -> tuple[int, ...]:
         """Columns of measured values that are used: 0 the pull-in voltage, 1 the resonance."""
+        if self.measured == "contact times":  # estimates of both
+            return 0, 1
         return tuple(i for i, name in enumerate(("pull-in", "resonance")) if name in self.measured)
 
     def true(self, switches: ArrayLike) -> FloatArray:
@@ -128,8 +131,7 @@ class Trim:
 
     def _factors(self, u: FloatArray) -> FloatArray:
         """1 + relative errors of uniform numbers; no instrument is wrong by more than nine tenths."""
-        z = ndtri(np.clip(u, 1e-12, 1.0 - 1e-12))
-        return np.asarray(np.maximum(1.0 + z * [self.pull_in_error, self.resonance_error], 0.1))
+        return np.asarray(np.maximum(1.0 + normal_quantiles(u) * [self.pull_in_error, self.resonance_error], 0.1))
 
     def scales(self, measured: ArrayLike) -> Scales:
         """The scales of switches that were measured.
@@ -161,9 +163,10 @@ class Trim:
                 raise TrimError(f"row {int(np.argmax(bad))}: the {what} is {values[bad][0]:g}; it must be above 0")
             far = np.abs(np.log(values / self.reference[column])) > math.log(_FARTHEST)
             if far.any():
+                usual = f"{self.reference[column]:.3g} {('V', 'kHz')[column]}"
                 raise TrimError(
                     f"row {int(np.argmax(far))}: the {what} is {values[far][0]:g}, but the mean switch of "
-                    f"{self.population.name!r} has {self.reference[column]:.3g} {('V', 'kHz')[column]}: what unit is it?"
+                    f"{self.population.name!r} has {usual}: what unit is it?"
                 )
             if self.bins:
                 edges, middles = self.bins_of(column)
@@ -180,6 +183,8 @@ class Trim:
     def coefficients(self) -> FloatArray:
         """(2, 1 + number of measured quantities) regression of the logarithms of pull-in voltage and frequency, each
         over the mean switch's: constant, then slopes on the measured ones."""
+        if self.measured == "contact times":  # what is learned has gone through a regression of its own
+            return np.eye(3)[1:]
         return _regression(self)
 
     def bins_of(self, column: int) -> tuple[FloatArray, FloatArray]:
@@ -187,26 +192,23 @@ class Trim:
         values, p = _sorted_values(self, column), np.arange(self.bins) / self.bins
         return np.quantile(values, p[1:]), np.quantile(values, p + 0.5 / self.bins)
 
-    def trimmed(self, switches: ArrayLike, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
+    def trimmed(self, switches: ArrayLike, measured: ArrayLike | None = None) -> FloatArray:
         """Switches with the scales of their drives.
 
         Parameters
         ----------
-        switches, seed, start, stream
-            See `measure`.
+        switches : (n, 4) array-like of float64
+            Columns D, G [µm], K [N/m], M [µg].
+        measured : (n, 2) array-like of float64, optional
+            See `scales`; by default what a perfect instrument would measure.
 
         Returns
         -------
         (n, 6) ndarray of float64
             Columns D, G [µm], K [N/m], M [µg], voltage scale, time scale.
         """
-        found = self.scales(self.measure(switches, seed=seed, start=start, stream=stream))
+        found = self.scales(self.true(switches) if measured is None else measured)
         return np.column_stack([np.asarray(switches, dtype=np.float64), found.voltage, found.time])
-
-    def followed(self, switches: FloatArray) -> FloatArray:
-        """`trimmed` by a perfect instrument: what of a switch's deviation is left is not an error's."""
-        found = self.scales(self.true(switches))
-        return np.column_stack([switches, found.voltage, found.time])
 
 
 @functools.lru_cache(maxsize=16)
@@ -224,6 +226,11 @@ def _regression(trim: Trim) -> FloatArray:
     table = np.column_stack([np.ones(len(known)), known])
     # Rounded: another machine's linear algebra ends in other bits, and the scales are part of a store's identity.
     return np.asarray(np.round(np.linalg.lstsq(table, wanted, rcond=None)[0].T, 9))
+
+
+def normal_quantiles(u: FloatArray) -> FloatArray:
+    """Standard normal numbers of uniform ones, any shape; within seven standard deviations."""
+    return np.asarray(ndtri(np.clip(u, 1e-12, 1.0 - 1e-12)))
 
 
 def effective(switches: FloatArray, scales: Scales) -> FloatArray:

@@ -92,7 +92,7 @@ def sensitivity(
     def outputs(p: FloatArray) -> FloatArray:
         nonlocal touched, closed, total
         switches = switches_from_parameters(population.quantile(p.T))
-        r = respond(settings, switches if trim is None else trim.followed(switches), waveform)
+        r = respond(settings, switches if trim is None else trim.trimmed(switches), waveform)
         v = np.asarray(r.max_contact_speed, dtype=np.float64)
         total += v.size
         touched += int((~np.isnan(v)).sum())

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from softclose.config import CampaignConfig
+from softclose.evaluate import learn, touch_of
+from softclose.learning import actuate
 from softclose.population.measurements import read_devices
 from softclose.population.trim import Scales, Trim
 from softclose.trimmed import limited_scales, scaled
@@ -17,6 +19,9 @@ from softclose_workflows.errors import ExportError
 
 COLUMNS = ("pull_in_V", "resonance_kHz")
 """Measured quantities, as the columns of tables are called."""
+
+TOLD = ("threshold_V", "contact_time_us")
+"""What the actuations of a switch tell, where contact times are all that is known."""
 
 _SPAN = 4.0
 """The table reaches so many standard deviations of the lot to both sides."""
@@ -35,7 +40,7 @@ def trim_of(config: CampaignConfig) -> Trim:
 
 def used_columns(trim: Trim) -> tuple[str, ...]:
     """Columns of the quantities that are measured."""
-    return tuple(COLUMNS[i] for i in trim.columns)
+    return TOLD if trim.measured == "contact times" else tuple(COLUMNS[i] for i in trim.columns)
 
 
 def drive_of(
@@ -43,6 +48,11 @@ def drive_of(
 ) -> tuple[Waveform, Scales]:
     """The drive of one switch of which this was measured, and its scales within the limits. Raises ExportError."""
     trim = trim_of(config)
+    if trim.measured == "contact times":
+        raise ExportError(
+            "this campaign learns from contact times: give what the actuations told in a table "
+            f"(export STORE trim --devices CSV, columns {' and '.join(TOLD)})"
+        )
     given = dict(zip(COLUMNS, (pull_in_V, resonance_kHz), strict=True))
     needed = used_columns(trim)
     options = dict(zip(COLUMNS, ("--pull-in", "--resonance"), strict=True))
@@ -59,43 +69,46 @@ def drive_of(
 
 def device_table(config: CampaignConfig, waveform: Waveform, path: Path) -> str:
     """A CSV of measured devices with the scales of each one's drive behind them."""
-    trim = trim_of(config)
-    devices, values, _ = read_devices(path, used_columns(trim))
-    measured = np.full((len(values), len(COLUMNS)), np.nan)
-    measured[:, trim.columns] = values
-    return _csv(config, waveform, trim, measured, devices)
+    devices, values, _ = read_devices(path, used_columns(trim_of(config)))
+    return _csv(config, waveform, values, devices)
 
 
 def grid_table(config: CampaignConfig, waveform: Waveform, rows: int) -> str:
     """Scales over the range of what may be measured: `rows` values of each quantity, or one of each bin."""
     trim = trim_of(config)
-    axes: list[FloatArray] = []
-    for column in trim.columns:
-        if trim.bins:
-            axes.append(trim.bins_of(column)[1])
-            continue
-        values = trim.true(trim.population.sample(4096, seed=0, sampling="sobol"))[:, column]
-        middle, reach = values.mean(), _SPAN * values.std()
-        axes.append(np.linspace(max(middle - reach, 0.5 * values.min()), middle + reach, rows))
-    grid = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
-    measured = np.full((len(grid), len(COLUMNS)), np.nan)
-    measured[:, trim.columns] = grid
-    return _csv(config, waveform, trim, measured, None)
+    if trim.bins:
+        axes = [trim.bins_of(column)[1] for column in trim.columns]
+    else:
+        switches = trim.population.sample(4096, seed=0, sampling="sobol")
+        if trim.measured == "contact times":
+            usual = actuate(touch_of(config), switches, learn(config).protocol, seed=0)
+        else:
+            usual = trim.true(switches)[:, trim.columns]
+        middle, reach = usual.mean(axis=0), _SPAN * usual.std(axis=0)
+        low = np.maximum(middle - reach, 0.5 * usual.min(axis=0))
+        axes = [np.linspace(a, b, rows) for a, b in zip(low, middle + reach, strict=True)]
+    return _csv(config, waveform, np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1), None)
 
 
-def _csv(
-    config: CampaignConfig, waveform: Waveform, trim: Trim, measured: FloatArray, devices: tuple[str, ...] | None
-) -> str:
-    asked = trim.scales(measured)
+def _csv(config: CampaignConfig, waveform: Waveform, values: FloatArray, devices: tuple[str, ...] | None) -> str:
+    asked = trim_of(config).scales(_measured(config, values))
     given = limited_scales(config, asked, waveform)
     limited = (given.voltage != asked.voltage) | (given.time != asked.time)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(
-        [*(["device"] if devices else []), *used_columns(trim), "voltage_scale", "time_scale", "at_a_limit"]
-    )
-    for i in range(len(measured)):
-        values = [f"{measured[i, column]:.6g}" for column in trim.columns]
+    names = used_columns(trim_of(config))
+    writer.writerow([*(["device"] if devices else []), *names, "voltage_scale", "time_scale", "at_a_limit"])
+    for i, row in enumerate(values):
         scales = [f"{given.voltage[i]:.6f}", f"{given.time[i]:.6f}", int(limited[i])]
-        writer.writerow([*([devices[i]] if devices else []), *values, *scales])
+        writer.writerow([*([devices[i]] if devices else []), *(f"{value:.6g}" for value in row), *scales])
     return text.getvalue()
+
+
+def _measured(config: CampaignConfig, values: FloatArray) -> FloatArray:
+    """(n, 2) pull-in voltage and resonance of what was measured, NaN where it was not."""
+    trim = trim_of(config)
+    if trim.measured == "contact times":
+        return learn(config).estimate(values)
+    found = np.full((len(values), len(COLUMNS)), np.nan)
+    found[:, trim.columns] = values
+    return found

@@ -1,0 +1,143 @@
+"""Owns learning what a switch is like from a few actuations alone: whether it touches, and when.
+
+No instrument but a drive and a contact: step voltages are bisected for the lowest at which the switch touches, then a
+few steps somewhat above it are timed. A regression over the lot turns the two into pull-in voltage and resonance
+(ADR 066).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from softclose.population.population import index_uniforms
+from softclose.population.trim import Trim, normal_quantiles
+from softclose.waveform import FloatArray, Pulse, Waveform
+
+Touch = Callable[[FloatArray, FloatArray], FloatArray]
+"""(switches (n, 4), volts (n,) of each one's step) -> (n,) first contact [µs], infinite where it never touches."""
+
+STEP_VOLTS = 100.0
+"""The step that is scaled for each switch [V]."""
+
+OVERDRIVE = 1.25
+"""A timed step over the threshold: far enough above that its time says more of the frequency than of the threshold."""
+
+MOST_TIMED = 3
+"""Actuations that are timed: averaging more tells less than another halving of the threshold's bracket."""
+
+NEVER_US = 250.0
+"""What a contact that never came counts as [µs]."""
+
+_STREAM = 7_200_000
+_N_TRAINING = 8192
+
+
+def step(rise_us: float) -> Waveform:
+    """The drive of an actuation before it is scaled: it rises, and holds."""
+    return Waveform([Pulse(0.0, rise_us, math.inf, STEP_VOLTS)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protocol:
+    """How a switch is actuated to learn what it is like."""
+
+    actuations: int
+    """Closings and attempts in all."""
+    error_us: float
+    """Standard deviation of one timed contact [µs]."""
+    lowest_V: float
+    """Where the bisection begins; no switch of the lot touches below."""
+    highest_V: float
+    """Every switch of the lot touches here, or the drive's limit is reached."""
+
+    @property
+    def timed(self) -> int:
+        """Actuations that are timed, the last ones."""
+        return min(MOST_TIMED, max(1, self.actuations // 3))
+
+
+def protocol_of(trim: Trim, *, actuations: int, error_us: float, max_volts: float) -> Protocol:
+    """The protocol for a lot; steps end at max_volts [V]."""
+    closing = trim.true(trim.population.sample(_N_TRAINING, seed=0, sampling="sobol"))[:, 0]
+    # A step swings past its static travel: it closes a switch at some nine tenths of the static pull-in voltage.
+    return Protocol(
+        actuations=actuations,
+        error_us=error_us,
+        lowest_V=min(0.75 * float(closing.min()), 0.5 * max_volts),
+        highest_V=min(1.05 * float(closing.max()), max_volts),
+    )
+
+
+def actuate(
+    touch: Touch, switches: FloatArray, protocol: Protocol, *, seed: int, start: int = 0, stream: int = 0
+) -> FloatArray:
+    """What the actuations of each switch tell.
+
+    Parameters
+    ----------
+    touch : callable
+        The switches' answer to steps.
+    switches : (n, 4) ndarray of float64
+        Columns D, G [µm], K [N/m], M [µg].
+    protocol : Protocol
+        How they are actuated.
+    seed, start, stream
+        Those with which the switches were drawn; errors of timing depend on them and the switch's index.
+
+    Returns
+    -------
+    (n, 2) ndarray of float64
+        Threshold of touching under a step [V], mean time of the timed contacts [µs] (infinite where it never touches).
+    """
+    low = np.full(len(switches), protocol.lowest_V)
+    high = np.full(len(switches), protocol.highest_V)
+    for _ in range(protocol.actuations - protocol.timed):
+        middle = np.sqrt(low * high)
+        touches = np.isfinite(touch(switches, middle))
+        low, high = np.where(touches, low, middle), np.where(touches, middle, high)
+    threshold = np.sqrt(low * high)
+    z = normal_quantiles(index_uniforms(len(switches), seed=seed, start=start, stream=stream + _STREAM)[:, 0])
+    timed = touch(switches, OVERDRIVE * threshold) + protocol.error_us / math.sqrt(protocol.timed) * z
+    return np.column_stack([threshold, np.maximum(timed, 1e-3)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Learned:
+    """From threshold and time of contact to pull-in voltage and resonance, for one lot and protocol."""
+
+    trim: Trim
+    protocol: Protocol
+    centre: FloatArray
+    """(2,) mean logarithms of threshold and time over the lot."""
+    coefficients: FloatArray
+    """(2, 6) quadratic regression of the logarithms of pull-in voltage and resonance over the mean switch's."""
+
+    @classmethod
+    def of(cls, trim: Trim, protocol: Protocol, touch: Touch) -> Learned:
+        """Learn the regression on simulated switches of the lot, errors of timing included."""
+        switches = trim.population.sample(_N_TRAINING, seed=0, sampling="sobol")
+        known = np.log(_timed(actuate(touch, switches, protocol, seed=0)))
+        centre = np.round(known.mean(axis=0), 9)
+        wanted = np.log(trim.true(switches) / trim.reference)
+        # Rounded: another machine's linear algebra ends in other bits, and the scales are part of a store's identity.
+        found = np.round(np.linalg.lstsq(_features(known - centre), wanted, rcond=None)[0].T, 9)
+        return cls(trim=trim, protocol=protocol, centre=centre, coefficients=np.asarray(found))
+
+    def estimate(self, told: FloatArray) -> FloatArray:
+        """Estimates from what `actuate` returns: (n, 2) pull-in voltage [V], resonance [kHz]."""
+        logarithms = _features(np.log(_timed(told)) - self.centre) @ self.coefficients.T
+        return np.asarray(np.exp(logarithms) * self.trim.reference)
+
+
+def _timed(told: FloatArray) -> FloatArray:
+    """A contact that never came counts as a very late one: such a switch is beyond the drive, whatever it is given."""
+    return np.column_stack([told[:, 0], np.minimum(told[:, 1], NEVER_US)])
+
+
+def _features(x: FloatArray) -> FloatArray:
+    u, t = x.T
+    return np.column_stack([np.ones(len(x)), u, t, u * u, u * t, t * t])
