@@ -183,8 +183,12 @@ class ObjectiveSection:
 
     form: Literal["penalty", "chance"] = "penalty"
     """penalty: g = v_u + c1·p_nc (Eq. 10); chance: minimise v_u subject to p_nc <= p_max."""
+    risk: Literal["quantile", "cvar"] = "quantile"
+    """What g is made of: the upper velocity v_u, or the mean V above it (conditional value at risk)."""
     level: Probability = 0.9
     """Quantile of V that is v_u."""
+    closed_by_us: Annotated[float, Field(ge=0, le=MAX_HORIZON_US)] = 0.0
+    """A switch counts as closed if it is held in contact from this instant on [µs]; 0: from any instant."""
     c1_cm_s: Annotated[float, Field(ge=0, le=MAX_CM_S)] = 25.0
     """Penalty per unit probability of not closing [cm/s]."""
     p_max: Annotated[float, Field(ge=0, lt=1)] = 0.05

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -94,6 +95,7 @@ def respond(
     switches: (n, 4), each driven by the waveform itself; or (n, 6) as `draw` returns them: where the campaign trims,
     each by the waveform scaled for it, within the limits (ADR 066). Their sampled x and v are those at the time scale
     times `times_us`.
+    Where the objective has an instant by which switches have to be closed, `closed` means by then.
     max_volts [V]: above it WaveformError; reference designs and faulty drives are simulated whatever the campaign's
     limit. outputs: `times_us`, `max_impacts`, `dtype` and `threads` of the device model.
     """
@@ -106,6 +108,22 @@ def respond(
         method=compute.method,
         **{"horizon_us": model.horizon_us, "max_volts": max_volts} | outputs,
     )
+    found = _responses(config, simulate, switches, waveform, max_volts=max_volts, times_us=outputs.get("times_us"))
+    limit = config.objective.closed_by_us
+    return replace(found, closed=found.closed & (found.settling_us <= limit)) if limit else found
+
+
+def _responses(
+    config: CampaignConfig,
+    simulate: Simulate,
+    switches: FloatArray,
+    waveform: Waveform,
+    *,
+    max_volts: float,
+    times_us: Any,
+) -> Responses:
+    """Every switch under its own drive, where the campaign trims, or under the waveform."""
+    model = config.model
     if switches.shape[1] == N_PARAMETERS or config.trim.measured == "nothing":
         return simulate(switches[:, :N_PARAMETERS], waveform)
     waveform.check(max_volts, model.horizon_us)
@@ -113,9 +131,7 @@ def respond(
     if model.name == SINGLE_MODE:
         return by_equal_switches(simulate, plain, waveform, scales)
     anything = partial(simulate, max_volts=math.inf)
-    return drive_by_drive(
-        anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=outputs.get("times_us")
-    )
+    return drive_by_drive(anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=times_us)
 
 
 def judge(config: CampaignConfig, response: Response, *, fresh: bool = False) -> Assessment:
@@ -145,6 +161,7 @@ def objective_settings(config: CampaignConfig) -> dict[str, Any]:
     o = config.objective
     return {
         "form": o.form,
+        "risk": o.risk,
         "level": o.level,
         "c1_cm_s": o.c1_cm_s,
         "p_max": o.p_max if o.form == "chance" else None,

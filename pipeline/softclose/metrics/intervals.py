@@ -165,11 +165,16 @@ def mean_interval(values: FloatArray, confidence: float = 0.95) -> Interval:
     n = values.size
     if n < 2:
         return NO_INTERVAL
+    mean = float(values.mean())
+    a = student_quantile(confidence, n - 1) * float(values.std(ddof=1)) / math.sqrt(n)
+    return mean - a, mean + a
+
+
+def student_quantile(confidence: float, degrees: int) -> float:
+    """Two-sided quantile of Student's distribution."""
     from scipy.special import stdtrit
 
-    mean = float(values.mean())
-    a = float(stdtrit(n - 1, 0.5 * (1.0 + confidence))) * float(values.std(ddof=1)) / math.sqrt(n)
-    return mean - a, mean + a
+    return float(stdtrit(degrees, 0.5 * (1.0 + confidence)))
 
 
 @functools.cache

@@ -92,6 +92,7 @@ RESULTS: tuple[Field, ...] = (
     Field(name="n_failed_switches", type="int", long_name="switches that could not be integrated"),
     *_speed_fields("g", "objective g, Eq. 10"),
     *_speed_fields("v_u", "upper velocity, Eqs. 8-9"),
+    *_speed_fields("cvar", "mean contact speed above the upper velocity"),
     *_speed_fields("mean", "mean contact speed"),
     Field(name="g_se_cm_s", unit="cm/s", long_name="standard error of g"),
     Field(name="max_cm_s", unit="cm/s", long_name="largest contact speed of the ensemble"),
@@ -102,6 +103,7 @@ RESULTS: tuple[Field, ...] = (
     Field(name="p_above_v_u_half_width", long_name="half-width a of Eq. 11 for p_above_v_u"),
     Field(name="p_exceed", long_name="fraction of the switches in contact with V > limit", per_limit=True),
     *_interval_fields("p_exceed", "p_exceed", per_limit=True),
+    *(replace(field, per_limit=True) for field in _speed_fields("excess", "expected excess over the limit")),
 )
 """What an assessment says of a candidate."""
 
@@ -133,7 +135,7 @@ QUANTITIES: tuple[Field, ...] = (
     Field(name="n_impacts", type="int", long_name="number of impacts"),
     Field(name="final_x", unit="µm", long_name="travel at the horizon"),
     Field(name="final_v", unit="µm/µs", long_name="velocity at the horizon"),
-    Field(name="closed", type="bool", long_name="held in contact at the horizon"),
+    Field(name="closed", type="bool", long_name="held in contact at the horizon, and from the objective's limit on"),
     Field(name="status", type="int", long_name="outcome of the integration; 0: ok, -1 or NaN: not simulated"),
 )
 """Coordinate `quantity` of `response`: what is kept of a switch under a candidate, in this order."""

@@ -53,7 +53,7 @@ def output_option(command: Command) -> Command:
     "  softclose export runs/a.zarr waveform --format dac --bits 14 --full-scale 200 -o drive.txt\n"
     "  softclose export runs/a.zarr waveform --format keysight-arb --gain 20 -o drive.arb\n"
     "  softclose export runs/a.zarr ensemble --format netcdf --trajectories -o best.nc\n"
-    "  softclose export runs/a.zarr trim --devices measured.csv -o drives.csv\n"
+    "  softclose export runs/a.zarr trim --rows 21 -o scales.csv\n"
     "  softclose export runs/a.zarr history > history.csv"
 )
 @click.argument("store", metavar="STORE")
@@ -292,7 +292,7 @@ def history(store: str, /, form: str, output: Path | None) -> None:
 
 @export.command(
     epilog="\b\nExamples:\n  softclose export runs/a.zarr trim -o scales.csv\n"
-    "  softclose export runs/a.zarr trim --devices measured.csv -o drives.csv"
+    "  softclose export runs/a.zarr trim --rows 21 -o scales.csv"
 )
 @click.option(
     "--devices",

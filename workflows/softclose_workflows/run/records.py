@@ -41,9 +41,18 @@ def assessment_record(a: Assessment) -> dict[str, Any]:
         "p_above_v_u_half_width": a.p_above_v_u_half_width,
         "feasible": a.feasible,
         "n_failed_switches": a.n_failed,
+        "cvar_cm_s": a.cvar_cm_s,
         "p_exceed": np.array([e.probability.estimate for e in a.p_exceed]),
+        "excess_cm_s": np.array([e.excess_cm_s for e in a.p_exceed]),
+        "excess_lower_cm_s": np.array([e.excess_interval[0] for e in a.p_exceed]),
+        "excess_upper_cm_s": np.array([e.excess_interval[1] for e in a.p_exceed]),
     }
-    for name, interval in (("g", a.g_interval), ("v_u", a.v_u_interval), ("mean", a.mean_interval)):
+    for name, interval in (
+        ("g", a.g_interval),
+        ("v_u", a.v_u_interval),
+        ("cvar", a.cvar_interval),
+        ("mean", a.mean_interval),
+    ):
         record[f"{name}_lower_cm_s"], record[f"{name}_upper_cm_s"] = interval
     for kind in ("wald", "wilson", "clopper_pearson"):
         record[f"p_nc_{kind}_lower"], record[f"p_nc_{kind}_upper"] = getattr(a.p_nc_intervals, kind)
