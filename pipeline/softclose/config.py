@@ -193,6 +193,12 @@ class ObjectiveSection:
     """Penalty per unit probability of not closing [cm/s]."""
     p_max: Annotated[float, Field(ge=0, lt=1)] = 0.05
     """Largest admissible p_nc of the chance-constrained form."""
+    assured: bool = False
+    """chance: the upper end of the interval of p_nc has to keep p_max, not only its estimate: what a search finds then
+    keeps it on other switches too."""
+    chance_penalty_cm_s: Annotated[float, Field(gt=0, le=MAX_CM_S)] = 500.0
+    """chance: penalty per unit by which p_nc passes p_max [cm/s]. It has to outweigh what v_u gains by letting switches
+    stay open: some 25 cm/s per unit where 5 % do, 500 where one in a thousand does."""
     limits_cm_s: tuple[Annotated[float, Field(gt=0, le=MAX_CM_S)], ...] = (19.7,)
     """Contact speeds for which P(V > limit) is reported [cm/s]."""
     min_contact: Annotated[float, Field(ge=0, le=1)] = 0.1

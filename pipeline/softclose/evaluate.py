@@ -165,6 +165,8 @@ def objective_settings(config: CampaignConfig) -> dict[str, Any]:
         "level": o.level,
         "c1_cm_s": o.c1_cm_s,
         "p_max": o.p_max if o.form == "chance" else None,
+        "assured": o.assured,
+        "chance_penalty_cm_s": o.chance_penalty_cm_s,
         "limits_cm_s": o.limits_cm_s,
         "min_contact": o.min_contact,
         "undefined_v_u_cm_s": o.undefined_v_u_cm_s,

@@ -118,3 +118,32 @@ def test_a_switch_that_is_held_too_late_counts_as_open():
     np.testing.assert_array_equal(again.closed, found.closed & (found.settling_us <= limit))
     assert evaluate(strict, lot, drive).p_nc > evaluate(plain, lot, drive).p_nc + 0.4
     np.testing.assert_array_equal(again.max_contact_speed, found.max_contact_speed)
+
+
+def test_an_assured_limit_counts_what_p_nc_may_be():
+    """With two of a thousand open the estimate keeps 0.3 %, the interval does not."""
+    v = np.linspace(1.0, 20.0, 1000)
+    closed = np.ones(1000, dtype=bool)
+    closed[:2] = False
+    asked = {"form": "chance", "p_max": 0.003, "chance_penalty_cm_s": 1000.0}
+    plain, assured = assess(judged(v, closed), **asked), assess(judged(v, closed), **asked, assured=True)
+    assert plain.g_cm_s == plain.v_u_cm_s
+    upper = plain.p_nc_intervals.wilson[1]
+    assert upper > 0.003
+    assert assured.g_cm_s == pytest.approx(plain.v_u_cm_s + 1000.0 * (upper - 0.003))
+    none_open = np.ones(100_000, dtype=bool)
+    many = np.linspace(1.0, 20.0, 100_000)
+    assert assess(judged(many, none_open), **asked, assured=True).g_cm_s == pytest.approx(18.1, abs=0.01)
+
+
+def test_the_penalty_form_has_no_limit_to_assure():
+    v = np.linspace(1.0, 20.0, 200)
+    assert assess(judged(v), assured=True).g_cm_s == assess(judged(v)).g_cm_s
+
+
+def test_a_campaign_hands_its_limit_on():
+    asked = {"form": "chance", "p_max": 0.01, "assured": True, "chance_penalty_cm_s": 70.0}
+    c = load_config({"objective": asked})
+    v, closed = np.linspace(1.0, 20.0, 200), np.ones(200, dtype=bool)
+    closed[:9] = False
+    assert judge(c, judged(v, closed)).g_cm_s == assess(judged(v, closed), **asked).g_cm_s

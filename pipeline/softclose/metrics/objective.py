@@ -140,6 +140,7 @@ def assess(
     form: Form = "penalty",
     risk: Risk = "quantile",
     p_max: float | None = None,
+    assured: bool = False,
     chance_penalty_cm_s: float = 500.0,
     min_contact: float = 0.1,
     undefined_v_u_cm_s: float = 60.0,
@@ -171,6 +172,9 @@ def assess(
     p_max : float, optional
         Largest p_nc of the form "chance". g has the estimate of p_nc; whether p_max is met is decided by its interval
         (`limit`, `feasible`).
+    assured : bool
+        The form "chance" counts the upper end of Wilson's interval of p_nc instead of its estimate: an optimum found so
+        keeps p_max on other switches too.
     chance_penalty_cm_s : float
         Weight of that penalty [cm/s].
     min_contact : float
@@ -220,7 +224,8 @@ def assess(
     def penalty(p: float) -> float:
         return slope * max(0.0, p - floor)
 
-    g = (value if defined else undefined_v_u_cm_s) + penalty(p_nc.estimate)
+    counted = p_nc.wilson[1] if assured and form == "chance" else p_nc.estimate
+    g = (value if defined else undefined_v_u_cm_s) + penalty(counted)
     q_range = (value - value_interval[0], value_interval[1] - value) if defined else (0.0, 0.0)
     p_lower, p_upper = p_nc.wilson
     p_range = penalty(p_nc.estimate) - penalty(p_lower), penalty(p_upper) - penalty(p_nc.estimate)

@@ -36,6 +36,16 @@ def print_certification(result: Certification) -> None:
         console.print(f"  {best.assessment.limit.sentence}")
     for exceedance in best.assessment.p_exceed:
         console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s) {_proportion(exceedance.probability)}")
+        lower, upper = exceedance.excess_interval
+        console.print(
+            f"  expected excess over {exceedance.limit_cm_s:g} cm/s: {exceedance.excess_cm_s:.4f} "
+            f"({lower:.4f}–{upper:.4f}) cm/s"
+        )
+    a = best.assessment
+    lower, upper = a.cvar_interval
+    console.print(
+        f"  mean V of the fastest {100.0 * (1.0 - a.level):g} % (CVaR): {a.cvar_cm_s:.2f} ({lower:.2f}–{upper:.2f}) cm/s"
+    )
     if best.training is not None:
         console.print(
             f"  the training ensemble ({best.training.n_switches:,} switches) said g {best.training.g_cm_s:.2f}: "

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    epilog="\b\nShipped studies: restitution, repeatability, design-change, c1, u-max, trim-error, trim-bins\n\n"
+    epilog="\b\nShipped studies: restitution, repeatability, design-change, c1, u-max,\n"
+    "  trim-error, trim-bins, yield\n\n"
     "\b\nExamples:\n"
     "  softclose study restitution --out runs/restitution\n"
     "  softclose study trim-error --out runs/trim --figure worth.svg --beside runs/improved.zarr\n"

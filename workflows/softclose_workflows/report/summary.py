@@ -109,6 +109,11 @@ def metrics(data: ReportData, i: int) -> list[list[str]]:
         ["objective g", f"{number(c['g_cm_s'], 2)} cm/s", interval(c["g_lower_cm_s"], c["g_upper_cm_s"], 2)],
         ["upper velocity", f"{number(c['v_u_cm_s'], 2)} cm/s", interval(c["v_u_lower_cm_s"], c["v_u_upper_cm_s"], 2)],
         ["mean V", f"{number(c['mean_cm_s'], 2)} cm/s", interval(c["mean_lower_cm_s"], c["mean_upper_cm_s"], 2)],
+        [
+            f"mean V of the fastest {100.0 * (1.0 - data.config.objective.level):g}\u202f%",
+            f"{number(c['cvar_cm_s'], 2)} cm/s",
+            interval(c["cvar_lower_cm_s"], c["cvar_upper_cm_s"], 2),
+        ],
         ["largest V", f"{number(c['max_cm_s'], 2)} cm/s", ""],
         ["not closed", percent(c["p_nc"], 2), percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"], 2)],
         ["made contact", percent(c["p_contact"], 2), ""],
