@@ -91,6 +91,7 @@ COMMANDS = (
     "serve",
     "status",
     "study",
+    "tails",
     "tolerance",
     "verify",
 )

@@ -127,10 +127,10 @@ class Trim:
         """
         true = self.true(switches)
         u = index_uniforms(len(true), seed=seed, start=start, stream=stream + _STREAM)[:, :N_SCALES]
-        return true * self._factors(u)
+        return true * self.factors(u)
 
-    def _factors(self, u: FloatArray) -> FloatArray:
-        """1 + relative errors of uniform numbers; no instrument is wrong by more than nine tenths."""
+    def factors(self, u: FloatArray) -> FloatArray:
+        """1 + relative errors of (n, 2) uniform numbers; no instrument is wrong by more than nine tenths."""
         return np.asarray(np.maximum(1.0 + normal_quantiles(u) * [self.pull_in_error, self.resonance_error], 0.1))
 
     def scales(self, measured: ArrayLike) -> Scales:

@@ -43,9 +43,8 @@ def print_certification(result: Certification) -> None:
         )
     a = best.assessment
     lower, upper = a.cvar_interval
-    console.print(
-        f"  mean V of the fastest {100.0 * (1.0 - a.level):g} % (CVaR): {a.cvar_cm_s:.2f} ({lower:.2f}–{upper:.2f}) cm/s"
-    )
+    fastest = f"{100.0 * (1.0 - a.level):g} %"
+    console.print(f"  mean V of the fastest {fastest} (CVaR): {a.cvar_cm_s:.2f} ({lower:.2f}–{upper:.2f}) cm/s")
     if best.training is not None:
         console.print(
             f"  the training ensemble ({best.training.n_switches:,} switches) said g {best.training.g_cm_s:.2f}: "

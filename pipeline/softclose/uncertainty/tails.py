@@ -1,0 +1,339 @@
+"""Owns rare failures of a lot under one waveform: P(V > limit) and the fraction that stays open, down to 1e-6.
+
+Brute force beside the methods of structural reliability, which OpenTURNS (extra `tails`) computes: first and second
+order at the most probable point of failure, importance sampling around it, subset sampling. The space is standard
+normal: one number for each of D, G, E and T, and for each error of measurement where drives are trimmed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from scipy.special import ndtr
+
+from softclose.config import CampaignConfig
+from softclose.evaluate import draw, respond
+from softclose.metrics.intervals import Interval, clopper_pearson, normal_quantile
+from softclose.metrics.objective import CM_S
+from softclose.population import switches_from_parameters
+from softclose.waveform import FloatArray, Waveform
+
+if TYPE_CHECKING:
+    import openturns as ot
+
+Event = Literal["fast", "open"]
+Method = Literal["brute", "form", "sorm", "importance", "subset"]
+
+EVENTS: tuple[Event, ...] = ("fast", "open")
+METHODS: tuple[Method, ...] = ("brute", "form", "sorm", "importance", "subset")
+
+STREAM = 7_300_000
+"""Stream of the switches of brute force: neither those of a campaign nor those of a certificate."""
+
+LEAST = 1e-12
+"""A probability below it is none: distributions with bounds have an end."""
+
+_LEVELS = 4
+_PART = 100_000
+_SCOUTS = 4096
+_STARTS = 8
+
+
+class TailError(ValueError):
+    """A question about a tail that cannot be answered as asked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tail:
+    """One method's answer."""
+
+    method: Method
+    probability: float
+    """Of failure; NaN where the method finds no answer."""
+    interval: Interval
+    """Of sampling methods, at the confidence asked for; NaN for FORM and SORM, whose error is not of sampling."""
+    n_switches: int
+    """Switches simulated for it."""
+    beta: float = math.nan
+    """FORM: distance of the most probable point of failure from the mean switch, in standard deviations."""
+    point: tuple[float, ...] = ()
+    """FORM: that point, in standard normal coordinates."""
+    note: str = ""
+    """Why there is no answer."""
+
+
+def tail(
+    config: CampaignConfig,
+    waveform: Waveform,
+    event: Event,
+    *,
+    limit_cm_s: float = 19.7,
+    methods: Sequence[Method] = METHODS,
+    n_switches: int = 1_000_000,
+    relative_error: float = 0.05,
+    confidence: float = 0.95,
+    seed: int = 0,
+    threads: int = 1,
+) -> tuple[Tail, ...]:
+    """The probability of a failure by each method.
+
+    Parameters
+    ----------
+    config : CampaignConfig
+        Lot, device model and drive limits.
+    waveform : Waveform
+        What the lot is driven with.
+    event : {"fast", "open"}
+        "fast": V of Eq. 7 above the limit (a switch that never touches has V = 0), of all switches. "open": not held
+        in contact at the horizon.
+    limit_cm_s : float
+        The limit of "fast" [cm/s].
+    methods : sequence
+        Which; those but "brute" need OpenTURNS.
+    n_switches : int
+        Switches of brute force.
+    relative_error : float
+        Coefficient of variation at which importance and subset sampling end.
+    confidence : float
+        Of the intervals.
+    seed : int
+        Of all random numbers.
+    threads : int
+        For the simulation.
+
+    Returns
+    -------
+    tuple of Tail
+        In the order of `methods`.
+
+    Raises
+    ------
+    TailError
+        For another event or method, without OpenTURNS, or where drives are trimmed by contact times.
+    """
+    if event not in EVENTS:
+        raise TailError(f"the event is {event!r}; it must be one of {', '.join(EVENTS)}")
+    unknown = [m for m in methods if m not in METHODS]
+    if unknown:
+        raise TailError(f"{unknown[0]!r} is no method; choose from {', '.join(METHODS)}")
+    if not 0.0 < limit_cm_s < math.inf:
+        raise TailError(f"the limit is {limit_cm_s:g} cm/s; it must be above 0")
+    if n_switches < 1:
+        raise TailError(f"{n_switches} switches say nothing; give 1 or more")
+    if not 0.0 < relative_error < 1.0:
+        raise TailError(f"the relative error is {relative_error:g}; it must lie between 0 and 1 (0.05 is usual)")
+    if not 0.0 < confidence < 1.0:
+        raise TailError(f"the confidence is {confidence:g}; it must lie between 0 and 1 (0.95 is usual)")
+    space = _Space(config, waveform, event, limit_cm_s, threads)
+    found = []
+    for method in methods:
+        if method == "brute":
+            found.append(_brute(space, n_switches, confidence, seed))
+            continue
+        found.append(_reliability(space, method, relative_error, confidence, seed))
+    return tuple(found)
+
+
+class _Space:
+    """Standard normal coordinates of a lot, and how far a switch is from failing."""
+
+    def __init__(
+        self, config: CampaignConfig, waveform: Waveform, event: Event, limit_cm_s: float, threads: int
+    ) -> None:
+        self.config, self.waveform, self.event, self.threads = config, waveform, event, threads
+        self.threshold = limit_cm_s if event == "fast" else 0.0
+        self.population, self.trim = config.build_population(), config.build_trim()
+        self.dim = 4 if self.trim is None else 6
+        self.n = 0
+
+    def lot(self, u: FloatArray) -> FloatArray:
+        """(n, 4) or (n, 6) switches at (n, dim) standard normal coordinates."""
+        p = ndtr(u)
+        switches = switches_from_parameters(self.population.quantile(p[:, :4]))
+        if self.trim is None:
+            return switches
+        return self.trim.trimmed(switches, self.trim.true(switches) * self.trim.factors(p[:, 4:]))
+
+    def measure(self, lot: FloatArray) -> FloatArray:
+        """(n,) V [cm/s], or how open a switch is: failure is a value above the threshold."""
+        self.n += len(lot)
+        r = respond(self.config, lot, self.waveform, threads=self.threads)
+        if self.event == "fast":
+            return np.nan_to_num(r.max_contact_speed * CM_S, nan=0.0)
+        horizon = self.config.model.horizon_us
+        # Closed: by how much of the horizon too early; open: by how much of its travel too far. It jumps in between.
+        missing = np.clip(1.0 - r.final_x / lot[:, 0], 1e-3, None)
+        return np.where(r.closed, np.minimum(r.settling_us / horizon - 1.0, 0.0), missing)
+
+    def __call__(self, u: Any) -> FloatArray:
+        return self.measure(self.lot(np.asarray(u, dtype=np.float64).reshape(-1, self.dim)))[:, None]
+
+
+def _brute(space: _Space, n: int, confidence: float, seed: int) -> Tail:
+    count = 0
+    for start in range(0, n, _PART):
+        size = min(_PART, n - start)
+        lot = draw(space.config, size, seed=seed, start=start, stream=STREAM)
+        count += int((space.measure(lot) > space.threshold).sum())
+    return Tail(method="brute", probability=count / n, interval=clopper_pearson(count, n, confidence), n_switches=n)
+
+
+def _reliability(space: _Space, method: Method, relative_error: float, confidence: float, seed: int) -> Tail:
+    if space.trim is not None and space.trim.measured == "contact times":
+        raise TailError("drives trimmed by contact times have no standard normal space: use the method brute")
+    ot = _openturns()
+    space.n = 0
+    ot.RandomGenerator.SetSeed(seed)
+    function = ot.PythonFunction(space.dim, 1, func_sample=space)
+    event = ot.ThresholdEvent(
+        ot.CompositeRandomVector(function, ot.RandomVector(ot.Normal(space.dim))), ot.Greater(), space.threshold
+    )
+    with _quiet(ot):
+        if method == "subset":
+            algorithm = ot.SubsetSampling(event)
+            algorithm.setBlockSize(1000)
+            # A level of n switches, a tenth of which goes on, is known to sqrt(9 / n), and chains halve what they tell.
+            algorithm.setMaximumOuterSampling(max(4, math.ceil(9.0 * _LEVELS * 2.0 / relative_error**2 / 1000.0)))
+            algorithm.setMaximumCoefficientOfVariation(relative_error)
+            algorithm.setMinimumProbability(LEAST)
+            algorithm.run()
+            return _sampled(space, method, algorithm.getResult(), confidence, _of_chains(algorithm))
+        points = _failure_points(space, seed)
+        if points is None:
+            return Tail(
+                method=method, probability=math.nan, interval=(math.nan, math.nan), n_switches=space.n,
+                note="no failure was found to search its most probable point from; use brute or subset",
+            )  # fmt: skip
+        if method == "importance":
+            return _importance(ot, space, event, points, relative_error, confidence)
+        return _first_or_second_order(ot, space, method, event, points[0])
+
+
+def _failure_points(space: _Space, seed: int) -> FloatArray | None:
+    """(k, dim) points of failure nearest to the origin that a wide sample and bisections towards it find, one for each
+    direction, nearest first; None where nothing fails."""
+    rng = np.random.default_rng(seed)
+    for spread in (1.5, 2.0, 2.6):
+        u = spread * rng.standard_normal((_SCOUTS, space.dim))
+        failing = u[space(u)[:, 0] > space.threshold]
+        if len(failing):
+            break
+    else:
+        return None
+    order = np.argsort((failing**2).sum(axis=1))
+    chosen: list[FloatArray] = []
+    for point in failing[order]:
+        direction = point / np.linalg.norm(point)
+        if all(float(direction @ (other / np.linalg.norm(other))) < 0.8 for other in chosen):
+            chosen.append(point)
+        if len(chosen) == _STARTS:
+            break
+    return np.array(sorted((_nearest(space, point, rng) for point in chosen), key=lambda x: float(x @ x)))
+
+
+def _nearest(space: _Space, point: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Walks from a failing point to the nearest one that it finds: random steps of shrinking size, never outwards.
+
+    It needs no gradient, which a response with jumps does not have.
+    """
+    best, step = point, 0.5
+    for _ in range(14):
+        trial = best + step * rng.standard_normal((64, space.dim))
+        trial = np.vstack([trial, best * np.linspace(0.7, 0.99, 16)[:, None]])
+        nearer = trial[(trial**2).sum(axis=1) < float(best @ best)]
+        failing = nearer[space(nearer)[:, 0] > space.threshold] if len(nearer) else nearer
+        if len(failing):
+            best = failing[np.argmin((failing**2).sum(axis=1))]
+        else:
+            step *= 0.6
+    return best
+
+
+def _first_or_second_order(ot: Any, space: _Space, method: Method, event: Any, start: FloatArray) -> Tail:
+    solver = ot.AbdoRackwitz()
+    solver.setMaximumIterationNumber(200)
+    solver.setCheckStatus(False)
+    try:
+        algorithm = (ot.FORM if method == "form" else ot.SORM)(solver, event, ot.Point(start))
+        algorithm.run()
+        result = algorithm.getResult()
+        point = tuple(float(x) for x in result.getStandardSpaceDesignPoint())
+        beta = float(result.getHasoferReliabilityIndex())
+        probability = float(result.getEventProbability() if method == "form" else result.getEventProbabilityBreitung())
+    except (RuntimeError, TypeError, ValueError) as e:
+        reason = str(e).splitlines()[0].removeprefix("Exception : ").split(":")[0]
+        return Tail(method=method, probability=math.nan, interval=(math.nan, math.nan), n_switches=space.n, note=reason)
+    value = float(space(np.array([point]))[0, 0])
+    scale = max(abs(space.threshold), 1.0)
+    note = "" if abs(value - space.threshold) < 0.02 * scale else (
+        f"its point is not on the limit (there the value is {value:.3g}, not {space.threshold:g}): the response jumps"
+    )  # fmt: skip
+    return Tail(
+        method=method, probability=probability, interval=(math.nan, math.nan), n_switches=space.n, beta=beta,
+        point=point, note=note,
+    )  # fmt: skip
+
+
+def _importance(
+    ot: Any, space: _Space, event: Any, points: FloatArray, relative_error: float, confidence: float
+) -> Tail:
+    """Normal distributions around every point of failure found, and the lot's own, so that no mode has weight 0."""
+    parts = [ot.Normal(ot.Point(point), ot.CovarianceMatrix(space.dim)) for point in points]
+    weights = np.exp(-0.5 * ((points**2).sum(axis=1) - float(points[0] @ points[0])))
+    weights = np.maximum(weights / weights.sum(), 0.05)
+    mixture = ot.Mixture([*parts, ot.Normal(space.dim)], [*(0.9 * weights / weights.sum()), 0.1])
+    algorithm = ot.ProbabilitySimulationAlgorithm(event, ot.ImportanceSamplingExperiment(mixture))
+    algorithm.setMaximumCoefficientOfVariation(relative_error)
+    algorithm.setBlockSize(1000)
+    algorithm.setMaximumOuterSampling(2000)
+    algorithm.run()
+    return _sampled(space, "importance", algorithm.getResult(), confidence)
+
+
+def _of_chains(algorithm: Any) -> float:
+    """Coefficient of variation of subset sampling with levels that err alike, as one's chains start from another's.
+
+    Au and Beck's (2001) upper bound: the sum over the levels instead of the root of the sum of squares.
+    """
+    whole = np.asarray(algorithm.getCoefficientOfVariationPerStep(), dtype=np.float64).reshape(-1)
+    return float(np.sqrt(np.maximum(np.diff(whole**2, prepend=0.0), 0.0)).sum())
+
+
+def _sampled(space: _Space, method: Method, result: Any, confidence: float, variation: float | None = None) -> Tail:
+    """The interval is on the logarithm: a probability's relative error is what these methods control."""
+    p = float(result.getProbabilityEstimate())
+    variation = float(result.getCoefficientOfVariation()) if variation is None else variation
+    if p <= LEAST:
+        return Tail(
+            method=method, probability=0.0, interval=(0.0, math.nan), n_switches=space.n,
+            note="no failure was met: the lot ends before the limit, or it is rarer than this method sees",
+        )  # fmt: skip
+    factor = math.exp(normal_quantile(confidence) * variation)
+    return Tail(method=method, probability=p, interval=(p / factor, min(p * factor, 1.0)), n_switches=space.n)
+
+
+def _openturns() -> Any:
+    try:
+        import openturns
+    except ImportError as e:
+        raise TailError(
+            "FORM, SORM, importance and subset sampling need OpenTURNS: pip install 'softclose[tails]', or choose the "
+            "method brute"
+        ) from e
+    return openturns
+
+
+@contextmanager
+def _quiet(ot: ot) -> Iterator[None]:
+    """OpenTURNS warns on its own log where a search ends early; what came of it is in the result."""
+    before = ot.Log.Flags()
+    ot.Log.Show(ot.Log.NONE)
+    try:
+        yield
+    finally:
+        ot.Log.Show(before)

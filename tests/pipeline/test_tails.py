@@ -1,0 +1,171 @@
+"""Claims about tails: closed forms, coverage of the intervals, where FORM fails, and brute force on the real lot."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, norm
+
+from softclose import Waveform
+from softclose.config import load_config
+from softclose.evaluate import draw, respond
+from softclose.uncertainty import tails as module
+from softclose.uncertainty.tails import STREAM, TailError, tail
+
+pytest.importorskip("openturns")
+
+DRIVE = Waveform.from_rows([(0.0, 4.0, 3.2, 150.0), (25.0, 20.0, None, 75.0)])
+SAMPLING = ("importance", "subset")
+
+
+@pytest.fixture
+def known(monkeypatch):
+    """A lot whose V is a stated function of its standard normal coordinates."""
+
+    def use(function):
+        def measure(self, u):
+            self.n += len(u)
+            return function(u)
+
+        monkeypatch.setattr(module._Space, "lot", lambda self, u: u)
+        monkeypatch.setattr(module._Space, "measure", measure)
+        monkeypatch.setattr(
+            module,
+            "draw",
+            lambda config, n, *, seed, start, stream: np.random.default_rng((seed, start)).standard_normal((n, 4)),
+        )
+        return load_config({})
+
+    return use
+
+
+def plane(u):
+    return 10.0 + 2.0 * (u @ np.array([0.5, -0.5, 0.5, 0.5]))
+
+
+@pytest.mark.parametrize("beta", [2.0, 4.0])
+def test_on_a_plane_every_method_finds_the_closed_form(known, beta):
+    config = known(plane)
+    truth = norm.sf(beta)
+    found = tail(config, DRIVE, "fast", limit_cm_s=10.0 + 2.0 * beta, n_switches=400_000)
+    by_method = {t.method: t for t in found}
+    assert by_method["form"].probability == pytest.approx(truth, rel=1e-3)
+    assert by_method["form"].beta == pytest.approx(beta, abs=1e-3)
+    np.testing.assert_allclose(by_method["form"].point, beta * np.array([0.5, -0.5, 0.5, 0.5]), atol=1e-2)
+    assert by_method["sorm"].probability == pytest.approx(truth, rel=2e-2)
+    for method in SAMPLING:
+        assert by_method[method].probability == pytest.approx(truth, rel=0.2)
+    if beta == 2.0:
+        assert by_method["brute"].interval[0] < truth < by_method["brute"].interval[1]
+
+
+def test_with_two_ways_to_fail_form_sees_one_and_sampling_both(known):
+    """|plane|: two most probable points; FORM is out by a half, importance sampling has a part for each."""
+    config = known(lambda u: 10.0 + 2.0 * np.abs(u @ np.array([0.5, -0.5, 0.5, 0.5])))
+    truth = 2.0 * norm.sf(3.5)
+    by_method = {t.method: t for t in tail(config, DRIVE, "fast", limit_cm_s=17.0, methods=("form", *SAMPLING))}
+    assert by_method["form"].probability == pytest.approx(0.5 * truth, rel=0.02)
+    for method in SAMPLING:
+        assert by_method[method].probability == pytest.approx(truth, rel=0.2)
+
+
+def test_on_a_sphere_form_is_far_out_and_sampling_is_not(known):
+    """Everything beyond a distance fails: infinitely many most probable points."""
+    config = known(lambda u: np.sqrt((u**2).sum(axis=1)))
+    truth = chi2.sf(4.5**2, 4)
+    by_method = {t.method: t for t in tail(config, DRIVE, "fast", limit_cm_s=4.5, methods=("form", "subset"))}
+    assert by_method["form"].probability < 0.1 * truth
+    assert by_method["subset"].probability == pytest.approx(truth, rel=0.25)
+
+
+def test_where_the_response_jumps_form_says_that_its_point_is_not_on_the_limit(known):
+    """A cliff: V is 0 up to it and 30 beyond."""
+    config = known(lambda u: np.where(u[:, 0] + u[:, 1] > 4.0, 30.0, 0.0))
+    truth = norm.sf(4.0 / math.sqrt(2.0))
+    form, importance = tail(config, DRIVE, "fast", limit_cm_s=19.7, methods=("form", "importance"))
+    assert form.note
+    assert importance.interval[0] < truth < importance.interval[1]
+
+
+@pytest.mark.parametrize("method", SAMPLING)
+def test_intervals_of_sampling_cover(known, method):
+    """At 90 %, of 60 seeds, on a curved limit with a closed form: the sum of squares of two coordinates."""
+    config = known(lambda u: u[:, 0] ** 2 + u[:, 1] ** 2)
+    truth = chi2.sf(18.0, 2)
+    found = [
+        tail(config, DRIVE, "fast", limit_cm_s=18.0, methods=[method], confidence=0.9, relative_error=0.1, seed=seed)[0]
+        for seed in range(60)
+    ]
+    inside = np.mean([t.interval[0] <= truth <= t.interval[1] for t in found])
+    assert inside >= 0.75
+    assert np.mean([t.probability for t in found]) == pytest.approx(truth, rel=0.08)
+
+
+# The real lot.
+
+
+def test_brute_force_is_the_share_of_fresh_switches_and_open_ones():
+    config = load_config({})
+    found = [tail(config, DRIVE, event, methods=["brute"], n_switches=3000, seed=4)[0] for event in ("fast", "open")]
+    r = respond(config, draw(config, 3000, seed=4, stream=STREAM), DRIVE)
+    assert found[0].probability == np.mean(np.nan_to_num(r.max_contact_speed) > 0.197)
+    assert found[1].probability == np.mean(~r.closed)
+    assert found[0].interval[0] < found[0].probability < found[0].interval[1]
+
+
+@pytest.mark.parametrize("event", ["fast", "open"])
+@pytest.mark.parametrize("measured", ["nothing", "pull-in and resonance"])
+def test_sampling_agrees_with_brute_force_on_the_real_lot(event, measured):
+    """Trimmed lots too, whose errors of measurement are coordinates of the space."""
+    config = load_config({"trim": {"measured": measured, "pull_in_error": 0.03}})
+    limit = {"nothing": 25.0, "pull-in and resonance": 22.0}[measured]
+    drive = Waveform.from_rows([(0.0, 6.0, 1.0, 120.0), (24.0, 20.0, None, 72.0)])
+    brute, *others = tail(
+        config, drive, event, limit_cm_s=limit, methods=("brute", *SAMPLING), n_switches=60_000, relative_error=0.08
+    )
+    assert 1e-4 < brute.probability < 0.6
+    spread = 0.5 * math.log(brute.interval[1] / brute.interval[0])
+    for other in others:
+        assert abs(math.log(other.probability / brute.probability)) < 3.0 * math.hypot(spread / 2.0, 0.1)
+
+
+def test_the_same_seed_gives_the_same_numbers():
+    config = load_config({})
+    a, b = (tail(config, DRIVE, "fast", methods=("importance", "form"), seed=3, relative_error=0.2) for _ in range(2))
+    assert a == b or all(x.probability == y.probability for x, y in zip(a, b, strict=True))
+
+
+def test_a_limit_beyond_the_lot_is_never_met():
+    found = tail(load_config({}), DRIVE, "fast", limit_cm_s=500.0, methods=("form", "importance"))
+    assert all(math.isnan(t.probability) and "no failure was found" in t.note for t in found)
+
+
+@pytest.mark.parametrize(
+    ("event", "changes", "said"),
+    [
+        ("slow", {}, "the event is 'slow'; it must be one of fast, open"),
+        ("fast", {"methods": ["luck"]}, "'luck' is no method; choose from brute, form"),
+        ("fast", {"limit_cm_s": -1.0}, "limit is -1 cm/s; it must be above 0"),
+        ("fast", {"n_switches": 0}, "0 switches say nothing"),
+        ("fast", {"relative_error": 2.0}, "relative error is 2"),
+        ("fast", {"confidence": 1.0}, "confidence is 1"),
+    ],
+)
+def test_questions_that_cannot_be_are_refused(event, changes, said):
+    with pytest.raises(TailError, match=said):
+        tail(load_config({}), DRIVE, event, **changes)
+
+
+def test_without_openturns_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "openturns", None)
+    with pytest.raises(TailError, match=r"pip install 'softclose\[tails\]', or choose the method brute"):
+        tail(load_config({}), DRIVE, "fast", methods=["form"])
+    assert tail(load_config({}), DRIVE, "fast", methods=["brute"], n_switches=100)
+
+
+def test_drives_trimmed_by_contact_times_have_brute_force_only():
+    config = load_config({"trim": {"measured": "contact times"}})
+    with pytest.raises(TailError, match="use the method brute"):
+        tail(config, DRIVE, "fast", methods=["form"])
