@@ -36,7 +36,7 @@ METHODS = ("brute", "form", "sorm", "importance", "subset")
     show_default=True,
     help="Coefficient of variation at which importance and subset sampling end.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all random numbers.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def tails(
     store: str,
