@@ -279,6 +279,9 @@ class FinishSection:
     """Candidates of the finishing stage; 0 leaves it out."""
     n_switches: SwitchCount = 2000
     """Switches per candidate of the finishing stage."""
+    grows: bool = False
+    """cmaes: the polish begins on population.n_switches switches and doubles them in equal parts of its budget, up to
+    n_switches: fewer trajectories for the same end."""
     n_basins: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 8
     """Distinct basins found so far that are evaluated again, best first, one wave."""
     n_polished: Annotated[int, Field(ge=1, le=64, strict=True)] = 2
@@ -384,6 +387,11 @@ class CampaignConfig:
         if not self.campaign.budget + self.explore.budget:
             raise ValueError(
                 "campaign.budget and explore.budget are both 0: there is nothing to evaluate; raise one of them"
+            )
+        if self.finish.grows and self.finish.method != "cmaes":
+            raise ValueError(
+                f"finish.grows is true and finish.method {self.finish.method}, which compares values of all candidates: "
+                "ensembles of different sizes do not compare; use cmaes, or leave grows out"
             )
         x = self.explore
         largest = math.ceil(x.n_descents / x.turns) * max(x.n_scouts, x.generation)

@@ -26,13 +26,12 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
     config = problem.config
     waves: list[Wave] = []
 
-    def add(stage: str, sizes: list[int], n_switches: int, sees: Callable[[int], int]) -> None:
-        for size in sizes:
+    def add(stage: str, sizes: list[int], n_switches: int | list[int], sees: Callable[[int], int]) -> None:
+        each = n_switches if isinstance(n_switches, list) else [n_switches] * len(sizes)
+        for size, n in zip(sizes, each, strict=True):
             index = len(waves)
             start = waves[-1].stop if waves else 0
-            waves.append(
-                Wave(index=index, stage=stage, start=start, size=size, n_switches=n_switches, sees=sees(index))
-            )
+            waves.append(Wave(index=index, stage=stage, start=start, size=size, n_switches=n, sees=sees(index)))
 
     few, many = config.population.n_switches, config.finish.n_switches
     lag = config.campaign.lag
@@ -45,7 +44,8 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
     first = len(waves)
     steps = explore_ladder(problem).steps
     add(EXPLORE, [step.size for step in steps], few, lambda w: first + steps[w - first].before + 1)
-    add(FINISH, _sizes(problem, FINISH, config.finish.budget), many, lambda w: w)
+    sizes = _sizes(problem, FINISH, config.finish.budget)
+    add(FINISH, sizes, growing(sizes, few, many) if config.finish.grows else many, lambda w: w)
     for extension in extensions(config).values():
         if not extension.is_search:
             add(extension.stage, _sizes(problem, extension.engine, extension.size), extension.n_switches, lambda w: w)
@@ -54,6 +54,24 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
             sizes = _after(whole, extension.begin)
             add(extension.stage, sizes, extension.n_switches, lambda w: max(w - lag + 1, 0))
     return tuple(waves)
+
+
+def growing(sizes: list[int], few: int, many: int) -> list[int]:
+    """Switches of each wave: doubled from few to many in equal parts of the candidates; the last wave has them all.
+
+    Ensembles are nested, so what is larger is the same switches and others: common random numbers.
+    """
+    steps = [few]
+    while 2 * steps[-1] < many:
+        steps.append(2 * steps[-1])
+    if steps[-1] < many:
+        steps.append(many)
+    ends = list(itertools.accumulate(sizes))
+    total = ends[-1] if ends else 1
+    found = [
+        steps[min(len(steps) * (end - size) // total, len(steps) - 1)] for size, end in zip(sizes, ends, strict=True)
+    ]
+    return [*found[:-1], many] if found else []
 
 
 def _after(sizes: list[int], begin: int) -> list[int]:
