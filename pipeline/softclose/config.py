@@ -390,7 +390,7 @@ class CampaignConfig:
             )
         if self.finish.grows and self.finish.method != "cmaes":
             raise ValueError(
-                f"finish.grows is true and finish.method {self.finish.method}, which compares values of all candidates: "
+                f"finish.grows is true and finish.method {self.finish.method}, which compares all candidates: "
                 "ensembles of different sizes do not compare; use cmaes, or leave grows out"
             )
         x = self.explore
