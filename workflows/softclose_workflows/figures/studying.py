@@ -49,7 +49,7 @@ def draw_study(result: StudyResult, others: Sequence[Other] = ()) -> Figure:
         _line(left, x, estimate, interval, COLOURS[colour], name)
     p_nc = [100.0 * a.p_nc for a in assessments]
     wilson = [(100.0 * a.p_nc_intervals.wilson[0], 100.0 * a.p_nc_intervals.wilson[1]) for a in assessments]
-    _line(right, x, p_nc, wilson, COLOURS["best"], "$p_{nc}$")
+    _line(right, x, p_nc, wilson, COLOURS["best"], None)
     for place, campaign in enumerate(others):
         colour, line = COLOURS[SERIES[2:][place % 3]], LINES[1 + place % (len(LINES) - 1)]
         for axes, y in ((left, campaign.assessment.g_cm_s), (right, 100.0 * campaign.assessment.p_nc)):
@@ -61,13 +61,13 @@ def draw_study(result: StudyResult, others: Sequence[Other] = ()) -> Figure:
         axes.set_xticks(x, [f"{values[i]:g}" for i in order])
         axes.set_xlabel(f"{result.study.parameter}{unit}")
         axes.set_ylim(bottom=0.0)
-    left.set_ylabel("Certified on fresh switches (cm/s)")
+    left.set_ylabel("g and $v_u$, certified (cm/s)")
     right.set_ylabel("Not closed (%)")
     figure.suptitle(result.study.title, fontsize=8.5)
     figure.legend(loc="outside lower center", ncols=2, fontsize=7)
     return figure
 
 
-def _line(axes, x, estimate, interval, colour: str, label: str) -> None:  # type: ignore[no-untyped-def]
+def _line(axes, x, estimate, interval, colour: str, label: str | None) -> None:  # type: ignore[no-untyped-def]
     y, ends = np.array(estimate), np.array(interval)
     axes.errorbar(x, y, yerr=np.abs(ends.T - y), color=colour, marker="o", markersize=3, capsize=2, label=label)
