@@ -107,3 +107,33 @@ def test_a_switch_that_never_touches_still_gets_scales():
     lot = draw(c, 200, seed=1)
     assert np.isfinite(lot).all()
     assert (lot[:, 4:] > 0.0).all()
+
+
+def test_the_bisection_spans_the_lot_and_no_more():
+    c = config()
+    closing = c.build_trim().true(draw(load_config({}), 4096, seed=1))[:, 0]
+    protocol = learn(c).protocol
+    assert protocol.lowest_V < 0.8 * closing.min()
+    assert protocol.lowest_V > 0.6 * closing.min()
+    assert closing.max() < protocol.highest_V < 1.15 * closing.max()
+
+
+def test_averaging_the_timed_contacts_shrinks_their_error():
+    """Three timed contacts: an error of 0.9 µs of each is one of 0.9/√3 of their mean."""
+    exact, noisy = config("trim.contact_time_error_us=0"), config("trim.contact_time_error_us=0.9")
+    switches = draw(load_config({}), 4000, seed=5)
+    told = [actuate(touch_of(c), switches, learn(c).protocol, seed=5) for c in (exact, noisy)]
+    np.testing.assert_array_equal(told[0][:, 0], told[1][:, 0])
+    assert (told[1] - told[0])[:, 1].std() == pytest.approx(0.9 / np.sqrt(3.0), rel=0.04)
+
+
+def test_the_estimate_has_no_bend_left_over_the_lot():
+    """A quadratic regression: what is left is not correlated with the square of what was told."""
+    c = config("trim.contact_time_error_us=0")
+    switches = draw(load_config({}), 4000, seed=6)
+    told = actuate(touch_of(c), switches, learn(c).protocol, seed=6)
+    left = np.log(learn(c).estimate(told) / c.build_trim().true(switches))
+    x = np.log(told) - np.log(told).mean(axis=0)
+    for column in left.T:
+        for square in (x[:, 0] ** 2, x[:, 1] ** 2, x[:, 0] * x[:, 1]):
+            assert abs(np.corrcoef(column, square)[0, 1]) < 0.08

@@ -282,3 +282,19 @@ def test_a_trim_is_made_of_what_the_configuration_says():
     assert isinstance(t, Trim)
     assert (t.bins, t.scaled, t.pull_in_error, t.resonance_error) == (4, "voltage", 0.02, 0.01)
     assert load_config({}).build_trim() is None
+
+
+def test_estimates_from_contact_times_are_followed_as_they_are():
+    t = trim(measured="contact times")
+    volts, khz = t.reference
+    found = t.scales([[1.1 * volts, 0.9 * khz], [volts, khz]])
+    np.testing.assert_allclose(found.voltage, [1.1, 1.0])
+    np.testing.assert_allclose(found.time, [1.0 / 0.9, 1.0])
+
+
+def test_one_bad_device_among_good_ones_is_named():
+    with pytest.raises(TrimError, match="row 1: the pull-in voltage is 0; it must be above 0"):
+        trim().scales([[80.0, 22.0], [0.0, 22.0]])
+    with pytest.raises(TrimError, match="row 2: the resonance is 99, but"):
+        trim().scales([[80.0, 22.0], [81.0, 22.0], [82.0, 99.0]])
+    assert np.isfinite(trim().scales([[80.0 / 2.5, 22.0 * 2.5]]).voltage).all()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.plate import PLATE_AREA_UM2, modulus, stiffness_from_pull_in
+from softclose.population import copula
 from softclose.population.distributions import PopulationError
 from softclose.population.files import write_population
 from softclose.population.fit import Fit, Kind, fit
@@ -28,6 +29,10 @@ _PLAUSIBLE_E_GPA = (1.0, 1000.0)
 _FITTED_T_UM = (5.0, 9.0)
 
 
+MOST = 0.99
+"""Rank correlation that is believed at most, of devices that are finitely many."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """A population fitted to measurements, and how well."""
@@ -39,8 +44,8 @@ class Calibration:
     fits: dict[str, Fit]
     """One for each of D, G, E, T."""
     correlation: FloatArray
-    """(4, 4) rank correlation of D, G, E, T. The model takes them as independent; E from Eqs. 3-4 inherits the errors
-    of G and T, which can correlate it with them (paper §2.2)."""
+    """(4, 4) rank correlation of D, G, E, T. Pairs in which it is significant are correlated in the population too; E
+    from Eqs. 3-4 inherits the errors of G and T, which can correlate it with them (paper §2.2)."""
     confidence: float
     """Confidence of every interval."""
     notes: tuple[str, ...]
@@ -137,18 +142,26 @@ def calibrate(
     from scipy.stats import spearmanr
 
     correlation, p_values = (np.asarray(part) for part in spearmanr(parameters))
-    notes += [
-        f"{VARIABLES[j]} and {VARIABLES[i]} are correlated (rank correlation {correlation[i, j]:.2f}); "
-        "the model takes them as independent"
+    pairs = tuple(
+        (VARIABLES[j], VARIABLES[i], round(float(np.clip(correlation[i, j], -MOST, MOST)), 4))
         for i in range(4)
         for j in range(i)
         if p_values[i, j] < 0.05 / 6.0  # six pairs
+    )
+    try:
+        copula.check(pairs, VARIABLES)
+    except PopulationError:
+        notes.append("the correlations of the devices do not go together in one population, which takes none of them")
+        pairs = ()
+    notes += [
+        f"{a} and {b} are correlated (rank correlation {rho:.2f}), and so in the population" for a, b, rho in pairs
     ]
     try:
         population = Population(
             name=name,
             description=f"Fitted to {len(parameters)} measured devices",
             plate_area_um2=float(plate_area_um2),
+            correlation=pairs,
             **{v: f.distribution for v, f in fits.items()},
         )
     except PopulationError as e:

@@ -15,13 +15,14 @@ from typing import Any
 
 from softclose.naming import did_you_mean
 from softclose.plate import A1, mass, stiffness
+from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError, portable
 from softclose.population.population import VARIABLES, Population
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
 
-_TOP = ("name", "description", "plate_area_um2", "base", *VARIABLES, "targets", "transform")
+_TOP = ("name", "description", "plate_area_um2", "base", *VARIABLES, "correlation", "targets", "transform")
 _TARGETS = ("mean_M_ug", "mean_K_N_per_m")
 _TRANSFORMS = ("shift_mean", "repeatability")
 _KEYS = {
@@ -136,10 +137,35 @@ def _build(data: Mapping[str, Any], base: Population | None) -> Population:
             known[v] = known[v].scale_spread(_number(change, "repeatability", 1.0))
         except PopulationError as e:
             raise PopulationError(f"[transform.{v}] {e}") from e
+    correlation = base.correlation if base else ()
+    if "correlation" in data:
+        correlation = _correlation(_table(data, "correlation"))
+        if "E" in open_nominal and any({a, b} == {"E", "T"} for a, b, _ in correlation):
+            raise PopulationError(
+                "targets.mean_K_N_per_m is solved for with E and T independent: give [E] a nominal beside a correlation"
+            )
     name = data.get("name", base.name if base else "unnamed")
     description = data.get("description", base.description if base else "")
     area = _number(data, "plate_area_um2") if "plate_area_um2" in data else base.plate_area_um2 if base else None
-    return Population(name=str(name), description=str(description), plate_area_um2=area, **known)
+    return Population(
+        name=str(name), description=str(description), plate_area_um2=area, correlation=correlation, **known
+    )
+
+
+def _correlation(table: Mapping[str, Any]) -> tuple[Correlation, ...]:
+    """`E-T = 0.78` each."""
+    found = []
+    for key in table:
+        a, dash, b = str(key).partition("-")
+        if not (dash and a in VARIABLES and b in VARIABLES):
+            raise PopulationError(
+                f"[correlation] {key!r} is no pair of variables; write two of {', '.join(VARIABLES)}, as E-T = 0.78"
+            )
+        try:
+            found.append((a, b, _number(table, key)))
+        except PopulationError as e:
+            raise PopulationError(f"[correlation] {e}") from e
+    return tuple(found)
 
 
 def _variable(v: str, table: Mapping[str, Any]) -> Bounded | float:
@@ -230,6 +256,8 @@ def write_population(population: Population, path: str | Path, comments: Iterabl
         lines.append(f"upper = {b.upper!r}")
         if not b.is_uniform:
             lines += [f"alpha = {b.alpha!r}", f"beta = {b.beta!r}"]
+    if population.correlation:
+        lines += ["", "[correlation]", *(f"{a}-{b} = {rho!r}" for a, b, rho in population.correlation)]
     Path(path).write_text("\n".join(lines) + "\n", "utf-8")
 
 

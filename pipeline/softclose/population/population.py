@@ -5,7 +5,7 @@ D, G, E, T are independent; stiffness K and mass M follow from E and T (Eqs. 4-6
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
+from softclose.population import copula
+from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError, portable
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +44,8 @@ class Population:
     """One sentence for people."""
     plate_area_um2: float | None = None
     """Plate area [µm²] under which E was inferred from pull-in voltages; None: E rests on no area."""
+    correlation: tuple[Correlation, ...] = ()
+    """Rank correlations of pairs of variables, in a Gaussian copula; pairs that are not named are independent."""
 
     def __post_init__(self) -> None:
         area = self.plate_area_um2
@@ -56,6 +60,7 @@ class Population:
                 f"T reaches down to {self.T.lower:g} µm; Eq. 4 has no stiffness at or below {A1} µm "
                 "(it was fitted to plates 5 to 9 µm thick)"
             )
+        copula.check(self.correlation, VARIABLES)
         if self.D.upper >= self.G.lower:
             raise PopulationError(
                 f"D reaches up to {self.D.upper:g} µm and G down to {self.G.lower:g} µm; every switch needs D < G: "
@@ -163,13 +168,23 @@ class Population:
             ) from e
         if p.ndim != 2 or p.shape[1] != len(VARIABLES) or not ((p >= 0.0) & (p <= 1.0)).all():
             raise PopulationError(f"probabilities of shape {p.shape}; give an (n, 4) array in [0, 1], for D, G, E, T")
+        p = copula.joined(p, self.correlation, VARIABLES)
         columns = [getattr(self, v).quantile(p[:, i]) for i, v in enumerate(VARIABLES)]
         return np.stack(columns, axis=1)
 
     @property
     def mean_K(self) -> float:
-        """E[K] [N/m]: E and T are independent and Eq. 4 is linear in E."""
+        """E[K] [N/m]: Eq. 4 is linear in E, which is independent of T unless a correlation says otherwise."""
+        if self._E_with_T:
+            return portable(self._expect_of_E_and_T(stiffness))
         return portable(self.T.expect(lambda t: stiffness(self.E.mean, t)))
+
+    @property
+    def _E_with_T(self) -> float:
+        return next((rho for a, b, rho in self.correlation if {a, b} == {"E", "T"}), 0.0)
+
+    def _expect_of_E_and_T(self, f: Callable[[FloatArray, FloatArray], FloatArray]) -> float:
+        return copula.expect(f, (self.E.quantile, self.T.quantile), self._E_with_T)
 
     @property
     def mean_M(self) -> float:
@@ -199,7 +214,11 @@ class Population:
         corners = np.array([[d.lower, g.lower, 0.0, 1.0], [d.upper, g.upper, 0.0, 1.0]])
         corners[:, 2] = stiffness([e.lower, e.upper], [t.lower, t.upper])
         u_pi = pull_in_voltage(corners, plate_area_um2)
-        k_square = (e.sd**2 + e.mean**2) * t.expect(lambda x: stiffness(1.0, x) ** 2)
+        k_square = (
+            self._expect_of_E_and_T(lambda modulus, x: stiffness(modulus, x) ** 2)
+            if self._E_with_T
+            else (e.sd**2 + e.mean**2) * t.expect(lambda x: stiffness(1.0, x) ** 2)
+        )
         m_square = t.expect(lambda x: mass(x) ** 2)
         out: dict[str, float] = {}
         for v in VARIABLES:
@@ -230,6 +249,8 @@ class Population:
             out["plate_area_um2"] = self.plate_area_um2
         for v in VARIABLES:
             out[v] = getattr(self, v).to_dict()
+        if self.correlation:
+            out["correlation"] = [list(pair) for pair in self.correlation]
         return out
 
     @classmethod
@@ -242,9 +263,12 @@ class Population:
                 name=str(data["name"]),
                 description=str(data.get("description", "")),
                 plate_area_um2=None if area is None else float(area),
+                correlation=tuple((str(a), str(b), float(rho)) for a, b, rho in data.get("correlation", ())),
                 **bounded,
             )
-        except (KeyError, TypeError) as e:
+        except (KeyError, TypeError, ValueError) as e:
+            if isinstance(e, PopulationError):
+                raise
             raise PopulationError(f"this is not a stored population ({e!r}): it needs name, D, G, E and T") from e
 
 

@@ -14,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri
 
 from softclose.plate import closing_voltage, resonance
 from softclose.population.population import Population, index_uniforms
@@ -230,6 +229,8 @@ def _regression(trim: Trim) -> FloatArray:
 
 def normal_quantiles(u: FloatArray) -> FloatArray:
     """Standard normal numbers of uniform ones, any shape; within seven standard deviations."""
+    from scipy.special import ndtri  # here: reading a configuration needs none of it, and it is slow to import
+
     return np.asarray(ndtri(np.clip(u, 1e-12, 1.0 - 1e-12)))
 
 

@@ -80,6 +80,11 @@ def sensitivity(
         raise SensitivityError(f"n is {n}; it must be a power of 2, such as 512 or 4096")
     if n_replicates < 2:
         raise SensitivityError(f"n_replicates is {n_replicates}; intervals need at least 2 (8 is usual)")
+    if population.correlation:
+        raise SensitivityError(
+            f"{population.name!r} has correlated parameters, of which variance has no shares (Sobol' indices are of "
+            "independent ones): ask a population without [correlation]"
+        )
     from scipy.stats import sobol_indices, uniform
 
     asked = None if config is None else config.model.plate_area_um2
