@@ -169,3 +169,16 @@ def test_drives_trimmed_by_contact_times_have_brute_force_only():
     config = load_config({"trim": {"measured": "contact times"}})
     with pytest.raises(TailError, match="use the method brute"):
         tail(config, DRIVE, "fast", methods=["form"])
+
+
+def test_the_space_of_a_trimmed_lot_has_a_coordinate_for_each_error():
+    config = load_config({"trim": {"measured": "pull-in and resonance"}})
+    space = module._Space(config, DRIVE, "fast", 19.7, 1)
+    assert space.dim == 6
+    u = np.zeros((3, 6))
+    u[1, 4], u[2, 5] = 2.0, 2.0
+    plain, volts, time = space.lot(u)
+    np.testing.assert_array_equal(volts[:4], plain[:4])
+    assert volts[4] / plain[4] > 1.015  # a pull-in voltage read 2 % too high drives higher
+    assert time[5] / plain[5] < 0.992  # a frequency read 2 % too high drives faster
+    assert abs(time[4] / plain[4] - 1.0) < 0.006
