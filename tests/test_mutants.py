@@ -1,17 +1,10 @@
-"""Claims about the scoring of tests: what counts as a change, that both verdicts are told, and what the page adds up.
-
-Needs `make env-mutants`; skipped without.
-"""
+"""Claims about the scoring of tests: what counts as a change, that both verdicts are told, and what the page adds up."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
-
-pytest.importorskip("cosmic_ray", reason="the packages of `make env-mutants` are not installed")
 
 import mutants
 
