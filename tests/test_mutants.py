@@ -1,4 +1,4 @@
-"""Claims about the scoring of tests: what counts as a change, that both verdicts are told, and what the page adds up."""
+"""Claims about the scoring of tests: what counts as a change, both verdicts, and what the page adds up."""
 
 from __future__ import annotations
 
