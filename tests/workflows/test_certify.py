@@ -20,10 +20,10 @@ from softclose_workflows.analyses.certify import (
     DISTINCT_VOLTS,
     STREAM,
     CertifyError,
-    _choose,
     assess_fresh,
     certify,
     certify_again,
+    choose_distinct,
     fresh_switches,
     read_certification,
     reference_designs,
@@ -185,8 +185,8 @@ def test_the_best_distinct_waveforms_are_those_of_promise_and_the_incumbent() ->
     )
     config = load_config("current")
     # Candidate 0 is candidate 1 but for a tenth of a volt.
-    assert _choose(campaign, config, 10) == (2, [2, 1, 4, 3])
-    assert _choose(campaign, config, 3) == (2, [2, 1, 4])
+    assert choose_distinct(campaign, config, 10) == (2, [2, 1, 4, 3])
+    assert choose_distinct(campaign, config, 3) == (2, [2, 1, 4])
 
 
 def test_a_certification_remembers_how_much_of_the_campaign_it_saw(store: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import json
+import math
 import re
 import shutil
 from html.parser import HTMLParser
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.stats import binomtest
 
 from reported import HOSTILE, empty_store, hostile_store
 from small_campaigns import FINISHED, make_campaign
@@ -344,3 +346,24 @@ def test_command_refuses_a_store_that_is_not_there(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["report", str(tmp_path / "none.zarr"), "-o", str(tmp_path / "page.html")])
     assert result.exit_code == 2
     assert not (tmp_path / "page.html").exists()
+
+
+def test_exceedance_counts_the_switches_that_touch_and_bounds_what_none_of_them_showed() -> None:
+    speed = np.array([math.nan, *np.linspace(0.5, 20.0, 40)])
+    found = shapes.exceedance(speed, 30.0, 0.9)
+    for v in (0.0, 0.5, 10.25, 19.75, 20.0, 25.0):
+        k = int(np.flatnonzero(found.v_cm_s == v)[0])
+        count = int((speed > v).sum())
+        assert found.probability[k] == count / 40
+        exact = binomtest(count, 40).proportion_ci(0.9, method="exact")
+        assert (found.lower[k], found.upper[k]) == pytest.approx((exact.low, exact.high), rel=1e-9)
+    assert found.upper[-1] > 0.0 == found.probability[-1]
+    assert shapes.exceedance(np.full(3, math.nan), 30.0, 0.9).v_cm_s.size == 0
+
+
+def test_exceedance_is_drawn_for_every_judged_design_on_an_axis_without_zero(data: ReportData) -> None:
+    chart = charts.exceedance(data.judged_designs, data.config.objective.limits_cm_s, 60.0)
+    named = [trace for trace in chart["data"] if trace.get("showlegend", True)]
+    assert [trace["name"] for trace in named] == [charts.plain(d.name) for d in data.judged_designs]
+    assert all(y is not None and y > 0.0 for trace in chart["data"] for y in trace["y"])
+    assert [shape["x0"] for shape in chart["layout"]["shapes"]] == list(data.config.objective.limits_cm_s)

@@ -56,7 +56,7 @@ def compare(
     (a, left), (b, right) = design, reference
     n = left.n
     v_u = left.v_u_cm_s - right.v_u_cm_s
-    a_v_u = z * float(np.std(_influence(a, left) - _influence(b, right))) / math.sqrt(n)
+    a_v_u = z * float(np.std(v_u_influence(a, left) - v_u_influence(b, right))) / math.sqrt(n)
 
     va, vb = np.asarray(a.max_contact_speed) * CM_S, np.asarray(b.max_contact_speed) * CM_S
     both = ~(np.isnan(va) | np.isnan(vb))
@@ -77,7 +77,7 @@ def compare(
     )
 
 
-def _influence(response: Response, assessment: Assessment) -> FloatArray:
+def v_u_influence(response: Response, assessment: Assessment) -> FloatArray:
     """(n,) influence of each switch on v_u [cm/s], scaled so that its standard deviation over sqrt(n) is the error."""
     v = np.asarray(response.max_contact_speed) * CM_S
     contact = ~np.isnan(v)

@@ -12,6 +12,7 @@ from softclose_workflows.tell.tables import print_designs
 
 if TYPE_CHECKING:
     from softclose.metrics.paired import Comparison
+    from softclose.metrics.race import Race
     from softclose_workflows.analyses.certify import Certification, Certified
 
 
@@ -54,6 +55,25 @@ def print_certification(result: Certification) -> None:
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
     for line in missing_lines(result.missing):
         console.print(line)
+
+
+def print_race(race: Race) -> None:
+    """Each round of the race that chose what was certified, and what it says."""
+    console = wide_console()
+    for lap in race.laps:
+        out = f"; out: {', '.join(str(i) for i in lap.out)}" if lap.out else ""
+        console.print(
+            f"race, {lap.n_switches:,} switches: {len(lap.racing)} candidates, best {lap.best}, "
+            f"none better by more than {lap.margin_cm_s:.3f} cm/s{out}"
+        )
+    last, n = race.laps[-1], len(race.laps[0].racing)
+    share = race.trajectories / (last.n_switches * n)
+    spent = f"{race.trajectories:,} trajectories ({share:.0%} of all candidates on as many switches)"
+    said = "decided" if race.decided else f"not decided to {race.tolerance_cm_s:g} cm/s: give more --switches"
+    console.print(
+        f"{said}: candidate {last.best} is the best of {n}, or within {last.margin_cm_s:.3f} cm/s of it "
+        f"({race.confidence:.0%}); {spent}"
+    )
 
 
 def _label(result: Certification, design: Certified) -> str:

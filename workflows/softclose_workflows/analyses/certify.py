@@ -59,7 +59,7 @@ def certify(
     config = CampaignConfig.from_dict(campaign.config)
     check_size(config, n_switches, top)
     seed = config.campaign.seed if seed is None else seed
-    incumbent, chosen = _choose(campaign, config, top)
+    incumbent, chosen = choose_distinct(campaign, config, top)
     stored = _stored(path, name_of(n_switches, seed))
     known = () if stored is None else stored.request.candidates
     unchanged = stored is not None and (stored.incumbent, stored.committed) == (incumbent, campaign.committed)
@@ -77,7 +77,7 @@ def certify(
         missing=references.missing,
     )
     have = {} if stored is None else {d.name: d.response for d in (*stored.candidates, *stored.references)}
-    result = _certified(campaign, config, request, have, threads=threads, listener=listener)
+    result = certified_on(campaign, config, request, have, threads=threads, listener=listener)
     write_certificate(path, result)
     return result
 
@@ -102,7 +102,7 @@ def certify_again(path: str, name: str) -> None:
             "finish the campaign (softclose resume), then certify again"
         )
     config = CampaignConfig.from_dict(campaign.config)
-    write_certificate(path, _certified(campaign, config, request, {}))
+    write_certificate(path, certified_on(campaign, config, request, {}))
 
 
 def least_switches(config: CampaignConfig) -> int:
@@ -134,7 +134,7 @@ def _stored(path: str, name: str) -> Certification | None:
         return None  # a damaged one is a pure function of its request: it is computed again
 
 
-def _certified(
+def certified_on(
     campaign: Campaign,
     config: CampaignConfig,
     request: Request,
@@ -171,11 +171,12 @@ def simulate_fresh(
     *,
     n_switches: int,
     seed: int,
+    start: int = 0,
     untrimmed: Collection[int] = (),
     threads: int = 1,
     listener: Step | None = None,
 ) -> list[Judged]:
-    """Metrics of every waveform on the same fresh switches of the campaign's lot, a part at a time.
+    """Metrics of every waveform on the same fresh switches of the campaign's lot, `start` and on, a part at a time.
 
     untrimmed: the waveforms that drive every switch as they are, whatever the campaign measures.
     """
@@ -183,9 +184,9 @@ def simulate_fresh(
     closed = np.empty(v.shape, dtype=np.bool_)
     status = np.empty(v.shape, dtype=np.int8)
     total, done = v.size, 0
-    for start in range(0, n_switches, PART):
-        rows = slice(start, min(start + PART, n_switches))
-        switches = fresh_switches(config, rows.stop - start, seed=seed, start=start)
+    for begin in range(0, n_switches, PART):
+        rows = slice(begin, min(begin + PART, n_switches))
+        switches = fresh_switches(config, rows.stop - begin, seed=seed, start=start + begin)
         for i, waveform in enumerate(waveforms):
             driven = switches[:, :N_PARAMETERS] if i in untrimmed else switches
             response = respond(config, driven, waveform, threads=threads)
@@ -197,7 +198,7 @@ def simulate_fresh(
     return [Judged(max_contact_speed=v[i], closed=closed[i], status=status[i]) for i in range(len(waveforms))]
 
 
-def _choose(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:
+def choose_distinct(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:
     """The incumbent, and the best distinct candidates: the incumbent first, then by g plus its standard error.
 
     The standard error stands for the size of the ensemble: g of 200 switches is no promise, g of 20,000 is nearly one.

@@ -20,6 +20,7 @@ from softclose_workflows.analyses import drive_errors
 from softclose_workflows.analyses import rescore as rescoring
 from softclose_workflows.analyses.certification import Certification
 from softclose_workflows.analyses.certify import certify as certify_store
+from softclose_workflows.analyses.finalists import certify_within
 from softclose_workflows.api.results import CampaignRun, Result, metrics
 from softclose_workflows.run import extension
 from softclose_workflows.run.driving import drive
@@ -138,7 +139,13 @@ def open_run(store: Store) -> CampaignRun:
 
 
 def certify(
-    store: Store, *, n_switches: int = 100_000, seed: int | None = None, top: int = 10, threads: int | None = None
+    store: Store,
+    *,
+    n_switches: int = 100_000,
+    seed: int | None = None,
+    top: int = 10,
+    within_cm_s: float | None = None,
+    threads: int | None = None,
 ) -> Result[Certification]:
     """Certify the best candidates on fresh switches and keep the certificate in the store, as `softclose certify`.
 
@@ -152,6 +159,9 @@ def certify(
         Of their ensemble; by default one that no campaign uses.
     top
         Candidates, the best of the training ensemble first.
+    within_cm_s
+        Drop candidates that are beaten and stop as soon as the best is the best or within this of it [cm/s]; what is
+        left is certified, on n_switches at most.
     threads
         By default one per core.
 
@@ -166,7 +176,11 @@ def certify(
         For numbers that cannot be used.
     """
     path = path_text(store)
-    found = certify_store(path, n_switches=n_switches, seed=seed, top=top, threads=threads or n_cores())
+    options: Any = {"n_switches": n_switches, "seed": seed, "top": top, "threads": threads or n_cores()}
+    if within_cm_s is None:
+        found = certify_store(path, **options)
+    else:
+        found, _ = certify_within(path, within_cm_s, **options)
     rows = [
         {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.flattery_cm_s}
         for d in (*found.candidates, *found.references)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from softclose_workflows.commands.options import quiet_option
@@ -9,7 +11,8 @@ from softclose_workflows.commands.options import quiet_option
 
 @click.command(
     epilog="\b\nExamples:\n  softclose certify runs/a.zarr\n"
-    "  softclose certify runs/a.zarr --switches 1000000 --top 3 --json | jq '.candidates[0].g_cm_s'"
+    "  softclose certify runs/a.zarr --switches 1000000 --top 3 --json | jq '.candidates[0].g_cm_s'\n"
+    "  softclose certify runs/a.zarr --within 0.05"
 )
 @click.argument("store", metavar="STORE")
 @click.option(
@@ -21,11 +24,26 @@ from softclose_workflows.commands.options import quiet_option
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the fresh switches [the campaign's].")
 @click.option("--top", type=int, default=10, show_default=True, help="Best distinct candidates to certify.")
+@click.option(
+    "--within",
+    "within_cm_s",
+    type=float,
+    metavar="CM_S",
+    help="Drop who is beaten, double the switches, and stop when the best is the best or within CM_S of it; "
+    "at --switches at the latest.",
+)
 @click.option("--threads", type=click.IntRange(min=1), help="Threads to simulate with [one per core].")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def certify(
-    store: str, switches: int, seed: int | None, top: int, threads: int | None, as_json: bool, quiet: bool
+    store: str,
+    switches: int,
+    seed: int | None,
+    top: int,
+    within_cm_s: float | None,
+    threads: int | None,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Rank the best candidates in STORE by what they do on fresh switches, and keep the result in STORE.
 
@@ -33,15 +51,24 @@ def certify(
     Certifications on different numbers of switches are kept side by side; the one on the most switches counts for
     `export`, `report` and `compare`.
     """
-    from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification
+    from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification, print_race
     from softclose_workflows.analyses.certify import certify as run
+    from softclose_workflows.analyses.finalists import certify_within
     from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
 
+    options: Any = {"n_switches": switches, "seed": seed, "top": top, "threads": threads or n_cores()}
+    race = None
     with bar("certifying", quiet=quiet) as listener:
-        result = run(store, n_switches=switches, seed=seed, top=top, threads=threads or n_cores(), listener=listener)
+        if within_cm_s is None:
+            result = run(store, **options, listener=listener)
+        else:
+            result, race = certify_within(store, within_cm_s, **options, listener=listener)
     if as_json:
-        click.echo(json_text(certification_to_json(result)))
-    else:
-        print_certification(result)
+        raced = {} if race is None else {"race": race.to_dict()}
+        click.echo(json_text(certification_to_json(result) | raced))
+        return
+    print_certification(result)
+    if race is not None:
+        print_race(race)

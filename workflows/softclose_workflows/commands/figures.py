@@ -10,6 +10,7 @@ NAMES = (
     "response",
     "histogram",
     "densities",
+    "exceedance",
     "switches",
     "population",
     "convergence",

@@ -107,6 +107,28 @@ def densities(data: ReportData) -> Figure | None:
     return figure
 
 
+def exceedance(data: ReportData) -> Figure | None:
+    """P(V > v) of the best and the reference designs on a logarithmic axis, the best with its interval."""
+    if not data.judged_designs:
+        return None
+    figure = Figure(figsize=(COLUMN_IN, 2.8))
+    axes = figure.subplots()
+    for place, design in enumerate(data.judged_designs):
+        found = shapes.exceedance(design.speed_cm_s, _top(data), design.assessment.confidence)
+        colour = COLOURS[design.role]
+        if place == 0 and design.assessment.intervals_valid:
+            axes.fill_between(found.v_cm_s, found.lower, found.upper, color=colour, alpha=0.18, linewidth=0.0)
+        shown = found.probability > 0.0
+        line = LINES[place % len(LINES)]
+        axes.plot(found.v_cm_s[shown], found.probability[shown], color=colour, linestyle=line, label=design.name)
+    for limit in data.config.objective.limits_cm_s:
+        axes.axvline(limit, color=COLOURS["muted"], linestyle="dotted", linewidth=0.8)
+    least = 0.1 / max(max(d.assessment.n_contact for d in data.judged_designs), 1)
+    axes.set(xlabel="Speed v (cm/s)", ylabel="P(V > v)", xlim=(0.0, _top(data)), yscale="log", ylim=(least, 1.0))
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
+
+
 def overlay(axes: Axes, designs: list[tuple[Design, str]], top_cm_s: float) -> None:
     """Densities of V over each other, each with its v_u marked on the curve."""
     for place, (design, role) in enumerate(designs):
@@ -312,6 +334,7 @@ FIGURES: dict[str, Draw] = {
     "response": response,
     "histogram": histogram,
     "densities": densities,
+    "exceedance": exceedance,
     "switches": switches,
     "population": population,
     "convergence": convergence,

@@ -42,14 +42,17 @@ def draw_study(result: StudyResult, others: Sequence[Other] = ()) -> Figure:
     order = np.argsort(values)
     assessments = [result.certifications[int(i)].best.assessment for i in order]
     x = np.arange(len(values))
-    for name, colour, estimate, interval in (
-        ("g", "best", [a.g_cm_s for a in assessments], [a.g_interval for a in assessments]),
-        ("$v_u$", "deterministic", [a.v_u_cm_s for a in assessments], [a.v_u_interval for a in assessments]),
-    ):
-        _line(left, x, estimate, interval, COLOURS[colour], name)
+    limits = [100.0 * a.limit.p_max for a in assessments if a.limit is not None]
+    if not limits:  # with a limit on p_nc that is met, g is v_u
+        _line(left, x, [a.g_cm_s for a in assessments], [a.g_interval for a in assessments], COLOURS["best"], "g")
+    v_u = [a.v_u_cm_s for a in assessments]
+    _line(left, x, v_u, [a.v_u_interval for a in assessments], COLOURS["deterministic"], "$v_u$")
     p_nc = [100.0 * a.p_nc for a in assessments]
     wilson = [(100.0 * a.p_nc_intervals.wilson[0], 100.0 * a.p_nc_intervals.wilson[1]) for a in assessments]
     _line(right, x, p_nc, wilson, COLOURS["best"], None)
+    if limits:
+        right.plot(x, limits, color=COLOURS["muted"], linestyle="dashed", label="limit")
+        right.set_yscale("log")
     for place, campaign in enumerate(others):
         colour, line = COLOURS[SERIES[2:][place % 3]], LINES[1 + place % (len(LINES) - 1)]
         for axes, y in ((left, campaign.assessment.g_cm_s), (right, 100.0 * campaign.assessment.p_nc)):
@@ -60,8 +63,10 @@ def draw_study(result: StudyResult, others: Sequence[Other] = ()) -> Figure:
     for axes in (left, right):
         axes.set_xticks(x, [f"{values[i]:g}" for i in order])
         axes.set_xlabel(f"{result.study.parameter}{unit}")
-        axes.set_ylim(bottom=0.0)
-    left.set_ylabel("g and $v_u$, certified (cm/s)")
+    left.set_ylim(bottom=0.0)
+    if not limits:
+        right.set_ylim(bottom=0.0)
+    left.set_ylabel("$v_u$, certified (cm/s)" if limits else "g and $v_u$, certified (cm/s)")
     right.set_ylabel("Not closed (%)")
     figure.suptitle(result.study.title, fontsize=8.5)
     figure.legend(loc="outside lower center", ncols=2, fontsize=7)

@@ -219,6 +219,68 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
     }
 
 
+def exceedance(designs: Sequence[Design], limits_cm_s: Sequence[float], top_cm_s: float) -> Chart:
+    """P(V > v) of several designs down to what their switches can tell, the first with its interval."""
+    traces: list[Chart] = []
+    for place, design in enumerate(designs):
+        found = shapes.exceedance(design.speed_cm_s, top_cm_s, design.assessment.confidence)
+        shown = found.probability > 0.0
+        if place == 0 and design.assessment.intervals_valid:
+            x = np.concatenate([found.v_cm_s, found.v_cm_s[::-1]])
+            floor = 0.1 / max(design.assessment.n_contact, 1)  # a logarithmic axis has no 0
+            y = np.concatenate([found.upper, np.maximum(found.lower, floor)[::-1]])
+            traces.append(
+                {
+                    "x": numbers(x),
+                    "y": numbers(y, 3),
+                    "mode": "lines",
+                    "line": {"width": 0},
+                    "fill": "toself",
+                    "fillcolor": f"@{design.role}/0.18",
+                    "hoverinfo": "skip",
+                    "showlegend": False,
+                }
+            )
+        traces.append(
+            {
+                "name": plain(design.name),
+                "x": numbers(found.v_cm_s[shown]),
+                "y": numbers(found.probability[shown], 3),
+                "mode": "lines",
+                "line": {"color": f"@{design.role}", "width": 2.2, "dash": DASHES[place % len(DASHES)]},
+                "hovertemplate": "P(V > %{x:.2f} cm/s) = %{y:.2g}<extra>" + plain(design.name) + "</extra>",
+            }
+        )
+    least = min((0.1 / d.assessment.n_contact for d in designs if d.assessment.n_contact), default=0.1)
+    spoken = "; ".join(
+        f"{d.name}: {e.probability.estimate:.2g} above {e.limit_cm_s:g} cm/s"
+        for d in designs
+        for e in d.assessment.p_exceed
+    )
+    return {
+        "data": traces,
+        "layout": layout(
+            axis("Speed v (cm/s)", range=[0, top_cm_s]),
+            axis("P(V > v)", type="log", range=[math.log10(least), 0.0], exponentformat="power", dtick=1),
+            showlegend=True,
+            height=380,
+            shapes=[
+                {
+                    "type": "line",
+                    "x0": limit,
+                    "x1": limit,
+                    "yref": "paper",
+                    "y0": 0,
+                    "y1": 1,
+                    "line": {"color": "@muted", "width": 1, "dash": "dot"},
+                }
+                for limit in limits_cm_s
+            ],
+        ),
+        "alt": f"Probability of exceeding a contact speed, on a logarithmic axis, one curve per design. {spoken}.",
+    }
+
+
 def plain(text: str) -> str:
     """Plotly reads a little markup in its texts: strangers' names must not."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("%{", "% {")

@@ -139,6 +139,7 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         figures["histogram"] = charts.histogram(data)
         judged = data.judged_designs
         figures["densities"] = charts.densities(judged, [d.role for d in judged], _top_speed(judged))
+        figures["exceedance"] = charts.exceedance(judged, data.config.objective.limits_cm_s, _top_speed(judged))
         for name in "DGET":
             figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
     if data.trim is not None and data.best_design is not None:

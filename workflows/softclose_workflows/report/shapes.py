@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.metrics.intervals import clopper_pearson
 from softclose.propose.dependence import Dependence
 from softclose.waveform import FloatArray
 from softclose_workflows.report.data import ReportData
@@ -40,6 +41,29 @@ def speed_density(speed_cm_s: FloatArray, top_cm_s: float) -> tuple[FloatArray, 
     v = speed_cm_s[np.isfinite(speed_cm_s)]
     axis = np.arange(0.0, top_cm_s + SPEED_STEP_CM_S, SPEED_STEP_CM_S)
     return (axis, gaussian_density(v, axis, mirrors=(0.0,))) if v.size > 1 and np.ptp(v) > 0.0 else (axis[:0], axis[:0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Exceedance:
+    """P(V > v) among the switches in contact."""
+
+    v_cm_s: FloatArray
+    """(k,) speeds [cm/s], ascending."""
+    probability: FloatArray
+    """(k,) share of the switches that are faster; 0 beyond the fastest."""
+    lower: FloatArray
+    """(k,) Clopper and Pearson's interval, at each speed by itself."""
+    upper: FloatArray
+    """(k,) its upper end: above 0 also where no switch was so fast."""
+
+
+def exceedance(speed_cm_s: FloatArray, top_cm_s: float, confidence: float) -> Exceedance:
+    """How rare ever faster closings are, up to top_cm_s; empty where no switch touched."""
+    v = np.sort(speed_cm_s[np.isfinite(speed_cm_s)])
+    axis = np.arange(0.0, top_cm_s + SPEED_STEP_CM_S, SPEED_STEP_CM_S) if v.size else np.empty(0)
+    counts = v.size - np.searchsorted(v, axis, side="right")
+    ends = np.array([clopper_pearson(int(count), v.size, confidence) for count in counts]).reshape(-1, 2)
+    return Exceedance(v_cm_s=axis, probability=counts / max(v.size, 1), lower=ends[:, 0], upper=ends[:, 1])
 
 
 def gaussian_density(sample: FloatArray, axis: FloatArray, *, mirrors: Sequence[float] = ()) -> FloatArray:

@@ -1,0 +1,174 @@
+"""Owns races: which of several waveforms is best, on no more switches than it takes to tell.
+
+All run on the same switches, ever more of them. After each round a waveform that another beats with confidence is out,
+and the race ends when no waveform left can beat the best by more than a stated tolerance. This is Hoeffding races
+(Maron and Moore 1994) with intervals of the paired differences in place of Hoeffding's, every interval of the race at
+once at the stated confidence (Bonferroni).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.metrics import intervals
+from softclose.metrics.objective import CM_S, Assessment, Response, assess
+from softclose.metrics.paired import v_u_influence
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lap:
+    """One round of a race."""
+
+    n_switches: int
+    """Switches that every waveform in it has run on."""
+    racing: tuple[int, ...]
+    """Waveforms in it, in the order given."""
+    best: int
+    """The one with the smallest g."""
+    margin_cm_s: float
+    """No waveform in it is better than `best` by more than this, at the race's confidence [cm/s]."""
+    out: tuple[int, ...]
+    """Waveforms that another beat."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Race:
+    """A finished race."""
+
+    laps: tuple[Lap, ...]
+    """Its rounds, at least one."""
+    tolerance_cm_s: float
+    """What was asked for [cm/s]."""
+    confidence: float
+    """Of all that the race says, together."""
+
+    @property
+    def decided(self) -> bool:
+        """Whether the last round's margin is within the tolerance; a race may also run out of switches."""
+        return self.laps[-1].margin_cm_s <= self.tolerance_cm_s
+
+    @property
+    def finalists(self) -> tuple[int, ...]:
+        """Waveforms that nothing beat, in the order given."""
+        last = self.laps[-1]
+        return tuple(i for i in last.racing if i not in last.out)
+
+    @property
+    def trajectories(self) -> int:
+        """Trajectories that the race took."""
+        before, total = 0, 0
+        for lap in self.laps:
+            total += (lap.n_switches - before) * len(lap.racing)
+            before = lap.n_switches
+        return total
+
+    def to_dict(self) -> dict[str, Any]:
+        """Nested plain values, what it says included."""
+        return asdict(self) | {
+            "decided": self.decided,
+            "finalists": self.finalists,
+            "trajectories": self.trajectories,
+        }
+
+
+def sizes(first: int, limit: int) -> tuple[int, ...]:
+    """Switches of each round: doubled from `first`, up to `limit`."""
+    found = [min(first, limit)]
+    while found[-1] < limit:
+        found.append(min(2 * found[-1], limit))
+    return tuple(found)
+
+
+def race(
+    n_waveforms: int,
+    rounds: Sequence[int],
+    respond: Callable[[int, int], Response],
+    *,
+    tolerance_cm_s: float,
+    confidence: float = 0.95,
+    **objective: Any,
+) -> Race:
+    """Race waveforms 0 to n_waveforms - 1.
+
+    Parameters
+    ----------
+    n_waveforms : int
+        How many.
+    rounds : sequence of int
+        Switches of each round, ascending (`sizes`).
+    respond : callable
+        respond(i, n): what waveform i does to the first n switches, the same for every waveform.
+    tolerance_cm_s : float
+        A difference of g that does not matter [cm/s].
+    confidence : float
+        That none of the race's intervals fails.
+    **objective
+        As `assess`: the g that is raced for.
+
+    Returns
+    -------
+    Race
+    """
+    racing = tuple(range(n_waveforms))
+    n_intervals = max(len(rounds) * n_waveforms * (n_waveforms - 1) // 2, 1)
+    z = intervals.normal_quantile(1.0 - (1.0 - confidence) / n_intervals)
+    laps: list[Lap] = []
+    for n in rounds:
+        found = {i: respond(i, n) for i in racing}
+        judged = {i: assess(found[i], **objective) for i in racing}
+        best = min(racing, key=lambda i: (judged[i].g_cm_s, i))
+        own = g_influence(found[best], judged[best], **objective)
+        margin, out = 0.0, []
+        for i in racing:
+            if i == best:
+                continue
+            behind = judged[i].g_cm_s - judged[best].g_cm_s
+            se = float(np.std(g_influence(found[i], judged[i], **objective) - own)) / math.sqrt(n)
+            if behind > z * se:
+                out.append(i)
+            else:
+                margin = max(margin, math.inf if math.isnan(se) else z * se - behind)
+        laps.append(Lap(n_switches=n, racing=racing, best=best, margin_cm_s=margin, out=tuple(out)))
+        if margin <= tolerance_cm_s:
+            break
+        racing = tuple(i for i in racing if i not in out)
+    return Race(laps=tuple(laps), tolerance_cm_s=tolerance_cm_s, confidence=confidence)
+
+
+def g_influence(
+    response: Response,
+    assessment: Assessment,
+    *,
+    form: str = "penalty",
+    risk: str = "quantile",
+    c1_cm_s: float = 25.0,
+    chance_penalty_cm_s: float = 500.0,
+    p_max: float | None = None,
+    **_: Any,
+) -> FloatArray:
+    """(n,) influence of each switch on g [cm/s]: its standard deviation over sqrt(n) is the standard error of g.
+
+    Differences of two of these give the error of a difference of g on common switches. The chance-constrained form's
+    penalty has a kink at p_max; where the interval of p_nc reaches beyond it, its slope counts in full. NaN where v_u
+    is undefined.
+    """
+    open_ = (~np.asarray(response.closed)).astype(float)
+    slope = c1_cm_s
+    if form == "chance":
+        slope = chance_penalty_cm_s if assessment.p_nc_intervals.wilson[1] > float(p_max or 0.0) else 0.0
+    penalty: FloatArray = slope * (open_ - open_.mean())
+    if risk == "cvar":
+        v = np.asarray(response.max_contact_speed) * CM_S
+        contact = ~np.isnan(v)
+        z = assessment.v_u_cm_s + np.maximum(v - assessment.v_u_cm_s, 0.0) / (1.0 - assessment.level)
+        value: FloatArray = np.where(contact, z - assessment.cvar_cm_s, 0.0) / max(float(contact.mean()), 1e-300)
+        return np.add(value, penalty)
+    return np.add(v_u_influence(response, assessment), penalty)

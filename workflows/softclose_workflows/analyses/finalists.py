@@ -1,0 +1,142 @@
+"""Owns certification by a race: the best candidates on fresh switches, no more of them than it takes to tell.
+
+The finalists of the race, and the incumbent, are then certified on the switches that it ended at: the certificate is
+what `softclose certify --switches` of that size would have written for them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from softclose.config import CampaignConfig
+from softclose.evaluate import objective_settings
+from softclose.metrics.objective import Judged
+from softclose.metrics.race import Lap, Race, race, sizes
+from softclose.waveform import Waveform
+from softclose_store import open_campaign
+from softclose_workflows.analyses.certificates import write_certificate
+from softclose_workflows.analyses.certification import Certification, CertifyError, Request, candidate_name
+from softclose_workflows.analyses.certify import (
+    N_REFERENCES,
+    certified_on,
+    check_size,
+    choose_distinct,
+    least_switches,
+    simulate_fresh,
+)
+from softclose_workflows.analyses.references import reference_designs
+from softclose_workflows.run import needs
+from softclose_workflows.tell.console import Step
+
+LEAST = 1_000
+"""Switches of the first round, where the campaign itself does not ask for more."""
+
+
+def certify_within(
+    path: str,
+    tolerance_cm_s: float,
+    *,
+    n_switches: int = 100_000,
+    seed: int | None = None,
+    top: int = 10,
+    threads: int = 1,
+    listener: Step | None = None,
+) -> tuple[Certification, Race]:
+    """Certify the finalists of a race between the `top` best distinct candidates, and keep the result in the store.
+
+    The race ends when no candidate left can beat the best by more than tolerance_cm_s, or at n_switches. The
+    race's numbers are those of the candidates. Raises CertifyError.
+    """
+    if isinstance(tolerance_cm_s, bool) or not 0.0 < tolerance_cm_s < math.inf:
+        raise CertifyError(f"the tolerance is {tolerance_cm_s!r} cm/s; it must be above 0 (--within), such as 0.05")
+    campaign = open_campaign(path)
+    config = CampaignConfig.from_dict(campaign.config)
+    check_size(config, n_switches, top)
+    seed = config.campaign.seed if seed is None else seed
+    incumbent, chosen = choose_distinct(campaign, config, top)
+    needs.check_fresh(n_switches, len(chosen) + N_REFERENCES, path=path)
+    waveforms = [Waveform.from_rows(campaign.waveform(i)) for i in chosen]
+    track = _Track(config, waveforms, seed, threads)
+    rounds = sizes(max(least_switches(config), LEAST), n_switches)
+
+    def respond(i: int, n: int) -> Judged:
+        if listener is not None:
+            listener(track.n_done, len(chosen) * n_switches)
+        return track.respond(i, n)
+
+    objective = objective_settings(config) | {"sampling": "monte-carlo"}
+    result = race(len(chosen), rounds, respond, tolerance_cm_s=tolerance_cm_s, **objective)
+    last = result.laps[-1].n_switches
+    candidates = sorted({*(chosen[i] for i in result.finalists), incumbent})
+    request = Request(
+        n_switches=last,
+        seed=seed,
+        top=len(candidates),
+        committed=campaign.committed,
+        incumbent=incumbent,
+        candidates=tuple(candidates),
+        missing=reference_designs(config).missing,
+    )
+    have = {candidate_name(i): track.respond(chosen.index(i), last) for i in candidates}
+    certification = certified_on(campaign, config, request, have, threads=threads)
+    write_certificate(path, certification)
+    return certification, _named(result, chosen)
+
+
+def _named(result: Race, chosen: list[int]) -> Race:
+    """The race with the campaign's numbers of the candidates in place of their places in it."""
+
+    def names(places: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(chosen[i] for i in places)
+
+    laps = (
+        Lap(
+            n_switches=lap.n_switches,
+            racing=names(lap.racing),
+            best=chosen[lap.best],
+            margin_cm_s=lap.margin_cm_s,
+            out=names(lap.out),
+        )
+        for lap in result.laps
+    )
+    return Race(laps=tuple(laps), tolerance_cm_s=result.tolerance_cm_s, confidence=result.confidence)
+
+
+class _Track:
+    """What the waveforms have done so far: each runs on the switches that it has not run on yet."""
+
+    def __init__(self, config: CampaignConfig, waveforms: list[Waveform], seed: int, threads: int) -> None:
+        self._config, self._waveforms, self._seed, self._threads = config, waveforms, seed, threads
+        self._done: dict[int, Judged] = {}
+
+    @property
+    def n_done(self) -> int:
+        """Trajectories simulated."""
+        return sum(found.closed.size for found in self._done.values())
+
+    def respond(self, i: int, n: int) -> Judged:
+        """Waveform i on the first n switches."""
+        have = self._done.get(i)
+        start = 0 if have is None else have.closed.size
+        if start < n:
+            more = simulate_fresh(
+                self._config,
+                [self._waveforms[i]],
+                n_switches=n - start,
+                seed=self._seed,
+                start=start,
+                threads=self._threads,
+            )[0]
+            have = self._done[i] = more if have is None else _joined(have, more)
+        assert have is not None
+        return have
+
+
+def _joined(a: Judged, b: Judged) -> Judged:
+    return Judged(
+        max_contact_speed=np.concatenate([a.max_contact_speed, b.max_contact_speed]),
+        closed=np.concatenate([a.closed, b.closed]),
+        status=np.concatenate([a.status, b.status]),
+    )
