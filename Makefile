@@ -71,6 +71,9 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	@echo docs/_build/html/index.html
 
+long: env-test  ## tests that take minutes, which `make test` leaves out
+	$(BIN)/python -m pytest -m long
+
 torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
 	PYTHONPATH=tests $(BIN)/python -m torture --rounds 200
 

@@ -34,7 +34,7 @@ def main() -> None:
     for seed in range(first, last + 1):
         with tempfile.TemporaryDirectory() as folder:
             settings = [f"campaign.seed={seed}", "finish.grows=true", "store.n_times=2"]
-            store = api.run(options.preset, Path(folder) / "a.zarr", settings=settings).path
+            store = api.run(options.preset, Path(folder) / "a.zarr", settings=settings).store
             other = shutil.copytree(store, Path(folder) / "b.zarr")
             full = certify(store, **size)
             _, race = certify_within(str(other), options.within, **size)

@@ -272,7 +272,8 @@ def test_a_result_or_a_newcomer_renews_patience(client, executor, task):
     assert executor.next_event(0.01) is None
 
 
-def test_workers_that_died_are_replaced_up_to_the_number_asked_for(client):
+def test_workers_that_died_are_replaced_up_to_the_number_asked_for(client, monkeypatch):
+    monkeypatch.setattr(executors, "REFILL_S", 0.0)
     asked = []
     executor = DaskExecutor(client, None, PATIENCE_S, asked.append)
     executor.next_event(0.01)
@@ -282,10 +283,25 @@ def test_workers_that_died_are_replaced_up_to_the_number_asked_for(client):
     assert asked == [2]
 
 
+def test_workers_are_replaced_while_the_others_are_busy_and_not_at_every_result(client, task, monkeypatch):
+    asked = []
+    executor = DaskExecutor(client, None, PATIENCE_S, asked.append, wanted=3)
+    for _ in range(3):
+        executor.submit(task)
+        client.end(client.sent[-1])
+        assert executor.next_event(1.0) is not None
+    assert asked == []
+    monkeypatch.setattr(executors, "REFILL_S", 0.0)
+    executor.submit(task)
+    client.end(client.sent[-1])
+    assert executor.next_event(1.0) is not None
+    assert asked == [3]
+
+
 def test_a_cluster_of_our_own_is_silent_and_restarts_quickly():
     """Dask's account of a worker's death runs to a page; ours is one line."""
     with dask.config.set({}):
-        executors._configure()
+        executors.configure()
         assert dask.config.get("distributed.scheduler.allowed-failures") == MAX_TRIES
         assert dask.config.get("distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_") == 2**28
     assert not logging.getLogger("distributed.nanny").isEnabledFor(logging.CRITICAL)

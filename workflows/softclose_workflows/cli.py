@@ -74,6 +74,7 @@ def main(verbose: bool) -> None:
 
 COMMANDS = (
     "calibrate",
+    "certificates",
     "certify",
     "compare",
     "compare_engines",
@@ -91,6 +92,7 @@ COMMANDS = (
     "serve",
     "status",
     "study",
+    "submit",
     "tails",
     "tolerance",
     "verify",

@@ -12,15 +12,31 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def placement_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--workers, --scheduler, --serial and --patience, handed to the command as one `placement`."""
+    """--workers, --scheduler, --cluster, --serial … handed to the command as one `placement`."""
 
     @functools.wraps(command)
     def with_placement(
-        *args: Any, workers: int | None, scheduler: str | None, serial: bool, patience: float, **options: Any
+        *args: Any,
+        workers: int | None,
+        scheduler: str | None,
+        plain_tcp: bool,
+        cluster: str | None,
+        serial: bool,
+        patience: float,
+        **options: Any,
     ) -> Any:
         from softclose_workflows.run.executors import Placement
+        from softclose_workflows.run.executors.cluster_file import load_cluster
 
-        placement = Placement(workers=workers, scheduler=scheduler, serial=serial, patience_s=patience)
+        jobs = None if cluster is None else load_cluster(cluster)
+        placement = Placement(
+            workers=workers,
+            scheduler=scheduler,
+            plain_tcp=plain_tcp,
+            cluster=jobs,
+            serial=serial,
+            patience_s=patience,
+        )
         return command(*args, placement=placement, **options)
 
     wrapped: Callable[..., Any] = with_placement
@@ -34,6 +50,13 @@ def placement_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="How long to wait without any worker or scheduler before stopping.",
         ),
         click.option("--serial", is_flag=True, help="Compute in this process, without Dask (for debugging)."),
+        click.option(
+            "--cluster",
+            metavar="FILE",
+            help="Start workers as jobs of a batch scheduler (SLURM, PBS, …): a .toml file, or a name in Dask's "
+            "configuration.",
+        ),
+        click.option("--plain-tcp", is_flag=True, help="Use a scheduler on another host without TLS."),
         click.option("--scheduler", metavar="ADDRESS", help="Use an existing Dask scheduler, e.g. tcp://host:8786."),
         click.option("--workers", type=int, metavar="N", help="Worker processes of the local cluster [one per core]."),
     ):

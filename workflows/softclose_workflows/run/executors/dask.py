@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import logging
 import queue
+import socket
 import threading
 import time
 import uuid
@@ -12,6 +14,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from softclose import ALGORITHM
 from softclose_workflows.errors import ExecutorError, Stopped
@@ -29,6 +32,9 @@ LIVE_PER_WORKER = 4
 
 MOST_LIVE = 1000
 """Blocks under way at once, at most: a scheduler keeps about 16 KiB for each."""
+
+REFILL_S = 0.5
+"""Least time between two attempts to start workers in place of lost ones [s]."""
 
 SILENT = logging.CRITICAL + 1
 """A level above every message."""
@@ -48,9 +54,17 @@ class DaskExecutor:
     """Runs blocks on a Dask cluster through one client."""
 
     def __init__(
-        self, client: Client, dashboard: str | None, patience_s: float, refill: Callable[[int], Any] | None = None
+        self,
+        client: Client,
+        dashboard: str | None,
+        patience_s: float,
+        refill: Callable[[int], Any] | None = None,
+        wanted: int | None = None,
     ) -> None:
-        """`refill` starts workers until there are so many: a local cluster's own restarts give up on some deaths."""
+        """`refill` starts workers until there are so many: a local cluster's own restarts give up on some deaths.
+
+        wanted: how many; by default as many as there are now.
+        """
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
         self._futures: dict[str, Sent] = {}
@@ -63,8 +77,9 @@ class DaskExecutor:
         self.dashboard = dashboard
         self.n_retries = 0
         self._workers = set(client.scheduler_info(n_workers=-1)["workers"])
-        self._wanted = len(self._workers)
+        self._wanted = len(self._workers) if wanted is None else wanted
         self._refill = refill
+        self._refilled = time.monotonic()
         self._campaign: tuple[str, str] | None = None
         self._unfit: dict[str, str] = {}
         """Workers that cannot compute blocks of the campaign, and why."""
@@ -191,14 +206,13 @@ class DaskExecutor:
 
     def next_event(self, timeout_s: float) -> Event | None:
         """See `Executor.next_event`."""
+        self._keep_up()
         try:
             event = self._events.get(timeout=timeout_s)
         except queue.Empty:
             self._check_fit()
             self._send_again()
             connected = self._client.status == "running"
-            if self._refill is not None and len(self._workers) < self._wanted:
-                self._refill(self._wanted)
             if connected and self._workers:
                 self._last_alive = time.monotonic()
             elif time.monotonic() - self._last_alive > self._patience_s:
@@ -207,6 +221,14 @@ class DaskExecutor:
             return None
         self._last_alive = time.monotonic()
         return event
+
+    def _keep_up(self) -> None:
+        """Start workers in place of those that are gone, also while the rest are busy."""
+        if self._refill is None or time.monotonic() - self._refilled < REFILL_S:
+            return
+        self._refilled = time.monotonic()
+        if len(self._workers) < self._wanted:
+            self._refill(self._wanted)
 
 
 ALLOCATOR = {"MALLOC_TRIM_THRESHOLD_": 2**28, "MALLOC_MMAP_THRESHOLD_": 2**25}
@@ -217,7 +239,8 @@ quarter of a large block's time. Dask hands back all above 64 KiB.
 """
 
 
-def _configure() -> None:
+def configure() -> None:
+    """Dask's settings for every cluster of ours."""
     import dask
 
     dask.config.set(
@@ -247,7 +270,7 @@ def _configure() -> None:
 @contextlib.contextmanager
 def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     """A cluster of this machine's processes, for the length of a `with` block."""
-    _configure()
+    configure()
     from distributed import Client, LocalCluster
 
     # Everything listens on loopback, and speaks TLS with certificates made for this run alone: whoever reaches a
@@ -275,19 +298,27 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
             'a script, is the call under `if __name__ == "__main__":`?'
         ) from e
     with cluster, Client(cluster, set_as_default=False) as client:
-        yield from _on(client, cluster.dashboard_link, patience_s, cluster.scale)
+        yield from on_client(client, cluster.dashboard_link, patience_s, cluster.scale)
 
 
 @contextlib.contextmanager
-def remote_cluster(address: str, patience_s: float) -> Iterator[DaskExecutor]:
-    """The cluster behind a scheduler's address. Raises ExecutorError where none answers."""
-    _configure()
+def remote_cluster(address: str, patience_s: float, *, plain_tcp: bool = False) -> Iterator[DaskExecutor]:
+    """The cluster behind a scheduler's address. Raises ExecutorError where none answers.
+
+    plain_tcp: also where the address is another host's and speaks no TLS.
+    """
+    configure()
     from distributed import Client, Security
 
     if address.startswith("tls://") and Security().get_connection_args("client").get("ssl_context") is None:
         raise ExecutorError(
-            f"{address} speaks TLS, and no certificate is configured here: set distributed.comm.tls in Dask's "
-            "configuration (docs/explanation/security.md)"
+            f"{address} speaks TLS, and no certificate is configured here: `softclose certificates FOLDER` makes one "
+            "and says how to use it (docs/explanation/security.md)"
+        )
+    if not plain_tcp and not address.startswith(("tls://", "wss://", "inproc://")) and not _is_loopback(address):
+        raise ExecutorError(
+            f"{address} is another host's and plain TCP, by which everybody on the way can run code as you: use TLS "
+            "(`softclose certificates FOLDER`), or say --plain-tcp where nobody else reaches that network"
         )
     try:
         client = Client(address, timeout=10, set_as_default=False)
@@ -296,17 +327,34 @@ def remote_cluster(address: str, patience_s: float) -> Iterator[DaskExecutor]:
             f"no Dask scheduler answers at {address}: start one (dask scheduler) or leave --scheduler out ({e})"
         ) from e
     with client:
-        yield from _on(client, client.dashboard_link, patience_s)
+        yield from on_client(client, client.dashboard_link, patience_s)
 
 
-def _on(
-    client: Client, dashboard: str | None, patience_s: float, refill: Callable[[int], Any] | None = None
+def _is_loopback(address: str) -> bool:
+    """Whether an address, with or without `tcp://`, is of this machine's loopback; True where it is no address."""
+    host = urlsplit(address if "://" in address else f"tcp://{address}").hostname
+    if not host:
+        return True
+    try:
+        found = {entry[4][0] for entry in socket.getaddrinfo(host, None)}
+    except OSError:
+        return False
+    return all(ipaddress.ip_address(str(ip).partition("%")[0]).is_loopback for ip in found)
+
+
+def on_client(
+    client: Client,
+    dashboard: str | None,
+    patience_s: float,
+    refill: Callable[[int], Any] | None = None,
+    wanted: int | None = None,
 ) -> Iterator[DaskExecutor]:
+    """An executor on a connected client; the arguments are the executor's."""
     from softclose_workflows.run.workers import WorkerSetup
 
     with contextlib.suppress(Exception):  # a worker without our packages cannot load it; the probe names that one
         client.register_plugin(WorkerSetup(), name="softclose")
-    executor = DaskExecutor(client, dashboard, patience_s, refill)
+    executor = DaskExecutor(client, dashboard, patience_s, refill, wanted)
     try:
         yield executor
     finally:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from softclose_workflows.errors import ExecutorError
+from softclose_workflows.run.executors.cluster_file import Cluster
 from softclose_workflows.run.executors.dask import local_cluster, remote_cluster
 from softclose_workflows.run.executors.protocol import Executor
 from softclose_workflows.run.executors.serial import SerialExecutor
@@ -18,14 +19,18 @@ PATIENCE_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
-    """Where a command computes; the options --workers, --scheduler, --serial and --patience."""
+    """Where a command computes; the options --workers, --scheduler, --cluster, --serial, …"""
 
     workers: int | None = None
     """Processes of a local cluster; None: one per core."""
+    cluster: Cluster | None = None
+    """Jobs of a batch scheduler, instead of a local cluster."""
     scheduler: str | None = None
     """Address of an existing Dask scheduler, instead of a local cluster."""
     serial: bool = False
     """In this process, without Dask."""
+    plain_tcp: bool = False
+    """Use a scheduler on another host without TLS."""
     patience_s: float = PATIENCE_S
     """How long to wait without any worker or scheduler [s]."""
 
@@ -34,14 +39,20 @@ class Placement:
             raise ExecutorError(f"--workers is {self.workers!r}; it must be a whole number from 1 on")
         if not self.patience_s > 0:
             raise ExecutorError(f"--patience is {self.patience_s:g}; it must be a number of seconds above 0")
-        chosen = [self.workers is not None, self.scheduler is not None, self.serial]
+        chosen = [self.workers is not None, self.scheduler is not None, self.cluster is not None, self.serial]
         if sum(chosen) > 1:
-            raise ExecutorError("--workers, --scheduler and --serial exclude each other; give one of them")
+            raise ExecutorError("--workers, --scheduler, --cluster and --serial exclude each other; give one of them")
 
     @property
     def n_processes(self) -> int:
         """Processes on this machine that compute; none where a scheduler has its own."""
-        return 0 if self.scheduler is not None else 1 if self.serial else self.workers or n_cores()
+        return (
+            0
+            if self.scheduler is not None or self.cluster is not None
+            else 1
+            if self.serial
+            else self.workers or n_cores()
+        )
 
 
 @contextlib.contextmanager
@@ -50,7 +61,12 @@ def open_executor(placement: Placement) -> Iterator[Executor]:
     if placement.serial:
         yield SerialExecutor()
     elif placement.scheduler is not None:
-        with remote_cluster(placement.scheduler, placement.patience_s) as executor:
+        with remote_cluster(placement.scheduler, placement.patience_s, plain_tcp=placement.plain_tcp) as executor:
+            yield executor
+    elif placement.cluster is not None:
+        from softclose_workflows.run.executors.batch import batch_cluster
+
+        with batch_cluster(placement.cluster, placement.patience_s) as executor:
             yield executor
     else:
         with local_cluster(placement.n_processes, placement.patience_s) as executor:
