@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
+import uuid
 from collections.abc import Generator
 from pathlib import Path
 
@@ -54,3 +56,29 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid} may not be skipped here (SOFTCLOSE_REQUIRE_ALL): {report.longrepr}"
     return report
+
+
+@pytest.fixture(scope="session")
+def s3_endpoint() -> Generator[str, None, None]:
+    """The address of an S3 service of the tests' own, empty."""
+    from moto.server import ThreadedMotoServer
+
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # a line for each request
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def s3(s3_endpoint: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> str:
+    """URL of a folder that no other test uses, in a bucket of that service; the environment names the service."""
+    from urllib.request import Request, urlopen
+
+    settings = {"AWS_ENDPOINT_URL": s3_endpoint, "AWS_REGION": "us-east-1"}
+    settings |= {"AWS_ACCESS_KEY_ID": "tests", "AWS_SECRET_ACCESS_KEY": "tests"}
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    urlopen(Request(f"{s3_endpoint}/bucket", method="PUT")).close()
+    return f"s3://bucket/{uuid.uuid4().hex[:8]}-{request.node.name[:20]}"

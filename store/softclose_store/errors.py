@@ -41,3 +41,7 @@ class RecordError(StoreError):
 
 class DamageError(StoreError):
     """Stored bytes are not what was written."""
+
+
+class ServiceError(OSError):
+    """An object store that does not answer: nothing committed is lost, and it may answer later."""

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+
+from softclose import ALGORITHM
+from softclose_store import open_campaign
+from softclose_workflows.run.workers import probe
 
 PROGRAM = """
 import asyncio
@@ -29,3 +36,17 @@ assert compiled() == 1, compiled()
 def test_a_worker_has_the_kernel_before_its_first_task() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_worker_without_the_memory_for_a_block_says_so(finished_store: Path) -> None:
+    fingerprint = open_campaign(str(finished_store)).fingerprint
+
+    def worker(limit: int | None) -> Any:
+        return SimpleNamespace(
+            memory_manager=SimpleNamespace(memory_limit=limit),
+            monitor=SimpleNamespace(get_process_memory=lambda: 200_000_000),
+        )
+
+    for limit in (None, 0, 10**10):
+        assert probe(str(finished_store), fingerprint, ALGORITHM, worker(limit)) == ""
+    assert "a worker has 0 MB left" in probe(str(finished_store), fingerprint, ALGORITHM, worker(150_000_000))

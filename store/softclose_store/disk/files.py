@@ -16,11 +16,12 @@ from urllib.parse import unquote, urlparse
 from zarr.abc.buffer import Buffer, BufferPrototype
 from zarr.abc.store import ByteRequest, Store
 from zarr.buffer import cpu, default_buffer_prototype
-from zarr.storage import FsspecStore, LocalStore
+from zarr.storage import FsspecStore, LocalStore, ZipStore
 
 from softclose_store import faults
 from softclose_store.disk.loop import run_here
 from softclose_store.disk.names import PARTIAL, is_chunk_key
+from softclose_store.disk.objects import ServiceFiles, Version, is_object_url, open_objects
 from softclose_store.errors import StoreError
 
 StorePath = str | os.PathLike[str]
@@ -167,11 +168,28 @@ def sync_directory(path: StorePath) -> None:
         os.close(folder)
 
 
+ZIPPED = "is a zipped store, which can be read only; unzip it to go on with it"
+"""Why nothing is written there."""
+
+
+def is_zip(local: Path) -> bool:
+    """Whether a local store is one file, as it travels."""
+    return local.suffix == ".zip" and local.is_file()
+
+
 def open_files(path: StorePath, *, read_only: bool, durable: bool = False, blind: bool = False) -> Store:
     """The zarr store behind a path or a URL. Durability is the service's own business behind a URL."""
     local = local_path(path)
+    if local is not None and is_zip(local):
+        if not read_only:
+            raise StoreError(f"{path} {ZIPPED}")
+        zipped = ZipStore(local, mode="r", read_only=True)
+        zipped._sync_open()  # its own methods expect that of whoever does not open it by a coroutine
+        return zipped
     if local is not None:
         return LocalFiles(local, read_only=read_only, durable=durable, blind=blind)
+    if is_object_url(normalised(path)):
+        return open_objects(normalised(path), read_only=read_only)
     try:
         # An instance of our own: asynchronous file systems are bound to the loop that first uses them.
         return FsspecStore.from_url(
@@ -179,6 +197,11 @@ def open_files(path: StorePath, *, read_only: bool, durable: bool = False, blind
         )
     except (ImportError, ValueError) as e:
         raise StoreError(f"cannot open {path}: {e}; give a local path or a URL that fsspec knows (s3://…)") from e
+
+
+def zarr_target(files: Store, path: StorePath) -> Any:
+    """What Zarr and xarray open a store by: they need not have a library of their own for object stores."""
+    return files if isinstance(files, ServiceFiles | ZipStore) else (local_path(path) or normalised(path))
 
 
 def read_key(files: Store, key: str) -> bytes | None:
@@ -197,6 +220,8 @@ def create_key(files: Store, key: str, content: bytes) -> bool:
 
     Where a service knows no such request (an old fsspec) it is a look and a write, between which another may write.
     """
+    if isinstance(files, ServiceFiles):
+        return run_here(files.create(key, content), files)
     assert isinstance(files, FsspecStore)
 
     async def create() -> bool:
@@ -213,6 +238,17 @@ def create_key(files: Store, key: str, content: bytes) -> bool:
             return False
         write_key(files, key, content)
         return True
+
+
+def key_version(files: Store, key: str) -> Version | None:
+    """A key and the name of its state; None where there is none, or where the store has no such names."""
+    return run_here(files.version(key), files) if isinstance(files, ServiceFiles) else None
+
+
+def replace_key(files: Store, key: str, content: bytes, tag: str) -> bool:
+    """Write a key of an object store where it is still in the state `tag`; False where it is not."""
+    assert isinstance(files, ServiceFiles)
+    return run_here(files.replace(key, content, tag), files)
 
 
 def delete_key(files: Store, key: str) -> None:
@@ -260,7 +296,7 @@ def list_keys(files: Store) -> list[str]:
         return sorted(_walk(os.fspath(files.root), ""))
 
     async def gather() -> list[str]:
-        return sorted([key async for key in files.list()])
+        return sorted([key async for key in files.list() if not key.endswith("/")])  # folders, in a zip
 
     return run_here(gather(), files)
 

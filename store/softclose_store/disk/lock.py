@@ -1,7 +1,8 @@
 """Owns the one-driver rule: a lock that a crash releases, and a message that says whose it is.
 
 On local paths the lock is `flock` on a file; its text says who holds it. The kernel releases it when the holder dies,
-however it dies. Behind a URL there is only the text: a holder that died on this host is recognised, any other must be
+however it dies. In an object store the text is a lease that its holder renews, and conditional writes let one of two
+win. Behind any other URL there is only the text: a holder that died on this host is recognised, any other must be
 broken by hand.
 """
 
@@ -14,21 +15,28 @@ import json
 import os
 import socket
 import uuid
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from softclose_store.disk.files import (
+    ZIPPED,
     StorePath,
     create_key,
     delete_key,
+    is_zip,
+    key_version,
     local_path,
     normalised,
     open_files,
+    path_text,
     read_key,
+    replace_key,
 )
+from softclose_store.disk.lease import Renewal, has_expired
+from softclose_store.disk.objects import ServiceFiles
 from softclose_store.disk.processes import boot_id, process_is_alive, process_start
-from softclose_store.errors import LockedError
+from softclose_store.errors import LockedError, StoreError
 
 LOCK_KEY = "digests/driver.lock"
 """Inside an array's folder: Zarr looks for members in groups only, and warns of files that it does not know there."""
@@ -52,6 +60,8 @@ class Holder:
     """When the lock was taken, ISO 8601."""
     token: str = ""
     """Tells two locks of one process apart."""
+    renewals: int = 0
+    """How often an object store's lease was renewed."""
 
     @classmethod
     def this_process(cls) -> Holder:
@@ -80,6 +90,11 @@ class Holder:
             return None
 
     @property
+    def text(self) -> bytes:
+        """What a lock holds."""
+        return json.dumps(asdict(self)).encode()
+
+    @property
     def is_dead(self) -> bool:
         """True where the holder certainly runs no more: it was on this host, and is not any longer."""
         if self.host != socket.gethostname():
@@ -100,19 +115,27 @@ class DriverLock:
     def __init__(self, path: StorePath) -> None:
         self._where = normalised(path)
         local = local_path(path)
+        if local is not None and is_zip(local):
+            raise StoreError(f"{path_text(path)} {ZIPPED}")
         self._file: Path | None = None if local is None else Path(self._where) / LOCK_KEY
         self._files = None if self._file is not None else open_files(path, read_only=False)
         self._descriptor: int | None = None
         self._text: bytes | None = None
         """What is ours behind a URL."""
+        self._holder = Holder.this_process()
+        self._renewal: Renewal | None = None
 
     def acquire(self, *, break_lock: bool = False) -> None:
         """Take the lock; raises LockedError where a live driver holds it. break_lock takes it anyway."""
-        text = json.dumps(asdict(Holder.this_process())).encode()
+        self._holder = Holder.this_process()
+        text = self._holder.text
         if self._file is not None:
             self._acquire_local(self._file, text, break_lock)
             return
         assert self._files is not None
+        if isinstance(self._files, ServiceFiles):
+            self._acquire_lease(self._files, break_lock)
+            return
         content = read_key(self._files, LOCK_KEY)
         holder = Holder.parse(content)
         if content and not break_lock and (holder is None or not holder.is_dead):
@@ -124,6 +147,29 @@ class DriverLock:
         if not created or read_key(self._files, LOCK_KEY) != text:
             raise self._refusal(Holder.parse(read_key(self._files, LOCK_KEY)))
         self._text = text
+
+    def _acquire_lease(self, files: ServiceFiles, break_lock: bool) -> None:
+        held = key_version(files, LOCK_KEY)
+        if held is None:
+            taken = create_key(files, LOCK_KEY, self._holder.text)
+        else:
+            holder = Holder.parse(held.content)
+            dead = holder is not None and holder.is_dead
+            if not (break_lock or dead or has_expired(files, held)):
+                raise self._refusal(holder)
+            taken = replace_key(files, LOCK_KEY, self._holder.text, held.tag)
+        if not taken:  # another was faster
+            raise self._refusal(Holder.parse(read_key(files, LOCK_KEY)))
+        self._text = self._holder.text
+        self._renewal = Renewal(files, LOCK_KEY, self._next_text, self._is_mine)
+
+    def _next_text(self) -> bytes:
+        self._holder = replace(self._holder, renewals=self._holder.renewals + 1)
+        return self._holder.text
+
+    def _is_mine(self, content: bytes) -> bool:
+        holder = Holder.parse(content)
+        return holder is not None and holder.token == self._holder.token
 
     def _acquire_local(self, file: Path, text: bytes, break_lock: bool) -> None:
         if break_lock:
@@ -147,7 +193,10 @@ class DriverLock:
         if self._file is not None:
             return self._descriptor is not None and _same_file(self._descriptor, self._file)
         assert self._files is not None
-        return self._text is not None and read_key(self._files, LOCK_KEY) == self._text
+        if self._text is None:
+            return False
+        content = read_key(self._files, LOCK_KEY)
+        return content == self._text or (content is not None and self._is_mine(content))
 
     def check(self) -> None:
         """Raise LockedError once somebody has broken the lock: the store is theirs now."""
@@ -156,6 +205,9 @@ class DriverLock:
 
     def release(self) -> None:
         """Give the lock back; one that was broken is left to its new holder."""
+        if self._renewal is not None:
+            self._renewal.stop()
+            self._renewal = None
         if self._file is not None:
             if self._descriptor is not None:
                 if _same_file(self._descriptor, self._file):

@@ -10,7 +10,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from softclose_store.disk.files import StorePath, local_path, normalised, open_files
+from softclose_store.disk.files import StorePath, normalised, open_files, zarr_target
 from softclose_store.errors import DamageError, StoreError
 from softclose_store.read.arrays import LOT, UNREADABLE, layout_of, read_array
 from softclose_store.read.rows import LazyRows
@@ -183,9 +183,8 @@ class Campaign:
     def _array(self, name: str) -> zarr.Array[Any]:
         """An array at full capacity: what is read of it is committed, which `_check` sees to."""
         if name not in self._arrays:
-            target: Any = self.path if local_path(self.path) is None else local_path(self.path)
             try:
-                self._arrays[name] = zarr.open_array(target, path=name, mode="r")
+                self._arrays[name] = zarr.open_array(zarr_target(self._files, self.path), path=name, mode="r")
             except UNREADABLE as e:
                 raise DamageError(
                     f"{name} of {self.path} cannot be opened ({type(e).__name__}: {e}): run `softclose verify`"
@@ -358,14 +357,14 @@ class Campaign:
         import xarray
 
         group = None if stage is None else self.layout.stage(stage).name
-        dataset: xr.Dataset = xarray.open_zarr(self.path, group=group, chunks=None)
+        dataset: xr.Dataset = xarray.open_zarr(zarr_target(self._files, self.path), group=group, chunks=None)
         return dataset
 
     def datatree(self) -> xr.DataTree:
         """The whole store as xarray sees it, lazily: the tables, and a group for each stage."""
         import xarray
 
-        tree: xr.DataTree = xarray.open_datatree(self.path, engine="zarr", chunks=None)
+        tree: xr.DataTree = xarray.open_datatree(zarr_target(self._files, self.path), engine="zarr", chunks=None)
         return tree
 
     def __repr__(self) -> str:

@@ -63,11 +63,32 @@ def of_run(config: CampaignConfig, *, workers: int, committed: int = 0) -> Needs
     trajectories = few * config.population.n_switches + many * config.finish.n_switches
     left = 1.0 - min(committed, config.total_budget) / config.total_budget
     n, n_times = config.n_switches_max, config.store.n_times
-    raw = TRAJECTORY_RAW_BYTES + TIME_RAW_BYTES * n_times + IMPACT_RAW_BYTES * config.store.max_impacts
-    worker = WORKER_SWITCH_BYTES * n + BLOCK_FACTOR * raw * config.block_switches
     return Needs(
-        memory_bytes=DRIVER_SWITCH_BYTES * n + workers * worker,
+        memory_bytes=DRIVER_SWITCH_BYTES * n + workers * of_worker(config),
         disk_bytes=left * trajectories * (TRAJECTORY_DISK_BYTES + TIME_DISK_BYTES * n_times),
+    )
+
+
+def of_worker(config: CampaignConfig) -> float:
+    """Memory that a worker takes for a block, beside its libraries [bytes]."""
+    return WORKER_SWITCH_BYTES * config.n_switches_max + _trajectory_bytes(config) * config.block_switches
+
+
+def _trajectory_bytes(config: CampaignConfig) -> float:
+    raw = TRAJECTORY_RAW_BYTES + TIME_RAW_BYTES * config.store.n_times + IMPACT_RAW_BYTES * config.store.max_impacts
+    return BLOCK_FACTOR * raw
+
+
+def too_large_for(config: CampaignConfig, limit_bytes: float) -> str:
+    """Why a block does not fit into what a worker may still take, and which would; empty where it fits."""
+    needed = of_worker(config)
+    if needed <= limit_bytes:
+        return ""
+    fits = int((limit_bytes - WORKER_SWITCH_BYTES * config.n_switches_max) / _trajectory_bytes(config))
+    advice = f"compute.block_switches={fits} fits" if fits > 0 else "no block fits: give workers more memory"
+    return (
+        f"a block of {config.block_switches:,} trajectories takes {needed / 1e6:,.0f} MB, and a worker has "
+        f"{max(limit_bytes, 0.0) / 1e6:,.0f} MB left: {advice}"
     )
 
 

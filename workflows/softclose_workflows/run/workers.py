@@ -36,13 +36,15 @@ def warm_up() -> None:
     simulate([[2.4, 3.7, 65.0, 3.4]], drive, horizon_us=20.0, times_us=[0.0], max_impacts=1, dtype=np.float32)
 
 
-def probe(store: str, fingerprint: str, algorithm: str) -> str:
+def probe(store: str, fingerprint: str, algorithm: str, dask_worker: Any = None) -> str:
     """What keeps this process from computing blocks of a campaign; empty where nothing does.
 
-    The versions, the store as it is seen from here, a write to it, the kernel: in the order in which they are needed.
+    The versions, the store as it is seen from here, a write to it, the kernel, the memory: in the order in which they
+    are needed. dask_worker: Dask gives it, by this very name.
     """
     from softclose.plugins import MODELS
     from softclose_store import check_writable
+    from softclose_workflows.run import needs
     from softclose_workflows.run.tasks import campaign_of
 
     if algorithm != ALGORITHM:
@@ -54,4 +56,5 @@ def probe(store: str, fingerprint: str, algorithm: str) -> str:
         warm_up()
     except Exception as e:
         return f"{type(e).__name__}: {e}"
-    return ""
+    limit = None if dask_worker is None else dask_worker.memory_manager.memory_limit
+    return needs.too_large_for(config, limit - dask_worker.monitor.get_process_memory()) if limit else ""
