@@ -16,7 +16,7 @@ from campaigns import command, run_arguments
 from small_campaigns import FINISHED
 from softclose.config import load_config
 from softclose_workflows.cli import main
-from softclose_workflows.run import needs
+from softclose_workflows.run import block_memory, needs
 from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.executors.placement import n_cores
 
@@ -186,14 +186,14 @@ def test_a_limit_of_address_space_is_found_out_before_a_library_spins_in_it(tmp_
 
 def test_a_block_that_a_worker_cannot_hold_is_named_with_the_one_that_fits() -> None:
     config = load_config("current", ["population.n_switches=100000", "compute.block_switches=100000"])
-    needed = needs.of_worker(config)
-    assert needs.too_large_for(config, needed) == ""
-    said = needs.too_large_for(config, 0.5 * needed)
+    needed = block_memory.of_worker(config)
+    assert block_memory.too_large_for(config, needed) == ""
+    said = block_memory.too_large_for(config, 0.5 * needed)
     found = re.search(r"a block of 100,000 trajectories takes .* compute\.block_switches=(\d+) fits", said)
     assert found is not None
     fits = int(found[1])
     smaller = load_config("current", ["population.n_switches=100000", f"compute.block_switches={fits}"])
     larger = load_config("current", ["population.n_switches=100000", f"compute.block_switches={fits + 1}"])
-    assert needs.of_worker(smaller) <= 0.5 * needed < needs.of_worker(larger)
-    assert "give workers more memory" in needs.too_large_for(config, 1e6)
-    assert "has 0 MB left" in needs.too_large_for(config, -1e6)
+    assert block_memory.of_worker(smaller) <= 0.5 * needed < block_memory.of_worker(larger)
+    assert "give workers more memory" in block_memory.too_large_for(config, 1e6)
+    assert "has 0 MB left" in block_memory.too_large_for(config, -1e6)

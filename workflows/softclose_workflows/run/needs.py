@@ -14,25 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from softclose.config import CampaignConfig
+from softclose_workflows.run.block_memory import of_worker
 from softclose_workflows.run.executors.placement import Placement
-
-TRAJECTORY_RAW_BYTES = 60.0
-"""V, instants, final state and status of one switch under one waveform, before compression."""
-
-TIME_RAW_BYTES, IMPACT_RAW_BYTES = 8.0, 16.0
-"""x and v (float32) at one instant; time and speed (float64) of one impact."""
-
-BLOCK_FACTOR = 1.3
-"""Memory of a block while it is compressed, over its raw size."""
 
 TRAJECTORY_DISK_BYTES, TIME_DISK_BYTES = 60.0, 1.5
 """The same compressed: 1.6 bytes an instant near the optimum, 3 in a search that has just begun."""
 
 DRIVER_SWITCH_BYTES = 220.0
 """Memory of the driver for each switch of the ensemble, while it is drawn and stored."""
-
-WORKER_SWITCH_BYTES = 64.0
-"""Memory of a worker for each switch of the ensemble, while it is read."""
 
 FRESH_SWITCH_BYTES, FRESH_RESPONSE_BYTES, KEPT_RESPONSE_BYTES = 100.0, 38.0, 10.0
 """Memory for each fresh switch; for each of them under each waveform while it is assessed, and afterwards."""
@@ -66,29 +55,6 @@ def of_run(config: CampaignConfig, *, workers: int, committed: int = 0) -> Needs
     return Needs(
         memory_bytes=DRIVER_SWITCH_BYTES * n + workers * of_worker(config),
         disk_bytes=left * trajectories * (TRAJECTORY_DISK_BYTES + TIME_DISK_BYTES * n_times),
-    )
-
-
-def of_worker(config: CampaignConfig) -> float:
-    """Memory that a worker takes for a block, beside its libraries [bytes]."""
-    return WORKER_SWITCH_BYTES * config.n_switches_max + _trajectory_bytes(config) * config.block_switches
-
-
-def _trajectory_bytes(config: CampaignConfig) -> float:
-    raw = TRAJECTORY_RAW_BYTES + TIME_RAW_BYTES * config.store.n_times + IMPACT_RAW_BYTES * config.store.max_impacts
-    return BLOCK_FACTOR * raw
-
-
-def too_large_for(config: CampaignConfig, limit_bytes: float) -> str:
-    """Why a block does not fit into what a worker may still take, and which would; empty where it fits."""
-    needed = of_worker(config)
-    if needed <= limit_bytes:
-        return ""
-    fits = int((limit_bytes - WORKER_SWITCH_BYTES * config.n_switches_max) / _trajectory_bytes(config))
-    advice = f"compute.block_switches={fits} fits" if fits > 0 else "no block fits: give workers more memory"
-    return (
-        f"a block of {config.block_switches:,} trajectories takes {needed / 1e6:,.0f} MB, and a worker has "
-        f"{max(limit_bytes, 0.0) / 1e6:,.0f} MB left: {advice}"
     )
 
 

@@ -44,7 +44,7 @@ def probe(store: str, fingerprint: str, algorithm: str, dask_worker: Any = None)
     """
     from softclose.plugins import MODELS
     from softclose_store import check_writable
-    from softclose_workflows.run import needs
+    from softclose_workflows.run.block_memory import too_large_for
     from softclose_workflows.run.tasks import campaign_of
 
     if algorithm != ALGORITHM:
@@ -57,4 +57,4 @@ def probe(store: str, fingerprint: str, algorithm: str, dask_worker: Any = None)
     except Exception as e:
         return f"{type(e).__name__}: {e}"
     limit = None if dask_worker is None else dask_worker.memory_manager.memory_limit
-    return needs.too_large_for(config, limit - dask_worker.monitor.get_process_memory()) if limit else ""
+    return too_large_for(config, limit - dask_worker.monitor.get_process_memory()) if limit else ""
