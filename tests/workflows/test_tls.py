@@ -76,6 +76,28 @@ def test_who_holds_the_key_computes_on_the_cluster_and_nobody_else(reference_sto
         assert differences(store, reference_store) == []
 
 
+@pytest.mark.slow
+def test_a_cluster_that_is_far_away_and_loses_packets_computes_the_same(reference_store: Path, tmp_path: Path) -> None:
+    """50 ms each way between driver and scheduler, and 1 % of the packets half a second later."""
+    keys = make_certificates(tmp_path / "keys").folder
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        port = s.getsockname()[1]
+    with _cluster(keys) as address:
+        words = [sys.executable, str(Path(__file__).parents[1] / "relay.py"), str(port), address.rpartition(":")[2]]
+        relay = subprocess.Popen([*words, "50", "0.01", "500"])
+        try:
+            _until_it_listens(port)
+            store = tmp_path / "a.zarr"
+            arguments = [*run_arguments(store), "--scheduler", f"tls://127.0.0.1:{port}"]
+            done = softclose(*arguments, env={"DASK_CONFIG": str(keys)})
+        finally:
+            relay.kill()
+            relay.wait()
+        assert done.returncode == 0, done.stderr
+        assert differences(store, reference_store) == []
+
+
 def test_keys_are_the_owners_alone_and_never_replaced(tmp_path: Path) -> None:
     made = make_certificates(tmp_path / "keys")
     assert stat.S_IMODE(made.folder.stat().st_mode) == 0o700

@@ -29,7 +29,7 @@ from softclose_workflows.analyses.certify import check_size
 from softclose_workflows.errors import BenchError
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
-from softclose_workflows.run.executors.protocol import Event
+from softclose_workflows.run.executors.protocol import Contact, Event
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import PLACE, BlockResult, BlockTask
 
@@ -66,6 +66,7 @@ class _Measurements:
     n_workers = 0
     n_retries = 0
     dashboard: str | None = None
+    contact: Contact | None = None
 
     def __init__(self) -> None:
         self.waiting: deque[BlockTask] = deque()

@@ -26,6 +26,13 @@ if TYPE_CHECKING:
 @click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting of all.")
 @click.option("--switches", type=click.IntRange(min=1), default=100_000, show_default=True, help="Fresh switches.")
 @click.option("--top", type=click.IntRange(min=1), default=10, show_default=True, help="Candidates certified in each.")
+@click.option(
+    "--at-once",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Campaigns at a time, on the same workers.",
+)
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
 @click.option(
     "--beside",
@@ -42,6 +49,7 @@ def study(
     overrides: tuple[str, ...],
     switches: int,
     top: int,
+    at_once: int,
     figure: Path | None,
     beside: tuple[str, ...],
     placement: Placement,
@@ -68,6 +76,7 @@ def study(
         n_switches=switches,
         top=top,
         placement=placement,
+        at_once=at_once,
         threads=n_cores(),
         quiet=quiet or as_json,
     )

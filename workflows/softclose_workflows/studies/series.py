@@ -1,4 +1,4 @@
-"""Owns running several campaigns one after the other on one executor: finished ones are skipped, each is certified."""
+"""Owns running several campaigns on one executor, in turn or at once: finished ones are skipped, each is certified."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from softclose import ALGORITHM
 from softclose.config import CampaignConfig
 from softclose_store import DriverStore, open_campaign, store_state
 from softclose_workflows.analyses.certify import N_REFERENCES, Certification, certify, check_size
-from softclose_workflows.errors import Stopped
+from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run import needs
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
@@ -21,6 +21,7 @@ from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.progress import show_progress
 from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
+from softclose_workflows.studies.at_once import run_at_once
 from softclose_workflows.tell.console import bar, silent
 from softclose_workflows.tell.outputs import check_folder, make_folder
 
@@ -49,6 +50,8 @@ class Effort:
     """Candidates certified in each campaign."""
     placement: Placement = field(default_factory=Placement)
     """Where blocks are computed."""
+    at_once: int = 1
+    """Campaigns that run at the same time."""
     threads: int = 1
     """Threads of a certification."""
     quiet: bool = False
@@ -77,6 +80,19 @@ def run_series(
     results = []
     with stop_on_signals() as stop, ExitStack() as stack, _same_command_continues():
         executor: Executor | None = None
+        left = [path for m in members if not open_campaign(path := m.store(folder)).finished]
+        if effort.at_once > 1 and len(left) > 1:
+            executor = stack.enter_context(open_executor(effort.placement))
+            if executor.contact is None:
+                raise ExecutorError("--at-once needs workers that several drivers can share: leave --serial out")
+            run_at_once(
+                left,
+                executor.contact,
+                effort.at_once,
+                patience_s=effort.placement.wait_s,
+                stop=stop,
+                say=lambda line: _say(effort, line),
+            )
         for number, member in enumerate(members, start=1):
             if stop:
                 raise Stopped(f"{stop.signal_name} received")

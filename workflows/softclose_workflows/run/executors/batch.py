@@ -65,8 +65,7 @@ def batch_cluster(spec: Cluster, patience_s: float) -> Iterator[DaskExecutor]:
         except (RuntimeError, OSError, ValueError) as e:
             raise ExecutorError(f"{spec.scheduler} takes no job: {_short(e)}") from e
         with Client(cluster, set_as_default=False) as client:
-            wait_s = max(spec.wait_s, patience_s)
-            yield from on_client(client, cluster.dashboard_link, wait_s, jobs, wanted=spec.jobs * (spec.cores or 1))
+            yield from on_client(client, cluster.dashboard_link, patience_s, jobs, wanted=spec.jobs * (spec.cores or 1))
 
 
 def job_script(spec: Cluster) -> str:

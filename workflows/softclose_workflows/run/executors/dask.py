@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from softclose import ALGORITHM
 from softclose_workflows.errors import ExecutorError, Stopped
-from softclose_workflows.run.executors.protocol import Event
+from softclose_workflows.run.executors.protocol import Contact, Event
 from softclose_workflows.run.faults import MAX_TRIES
 from softclose_workflows.run.tasks import BlockResult, BlockTask, run_block
 
@@ -75,6 +75,7 @@ class DaskExecutor:
         self._last_alive = time.monotonic()
         self._patience_s = patience_s
         self.dashboard = dashboard
+        self.contact: Contact | None = None
         self.n_retries = 0
         self._workers = set(client.scheduler_info(n_workers=-1)["workers"])
         self._wanted = len(self._workers) if wanted is None else wanted
@@ -342,6 +343,14 @@ def _is_loopback(address: str) -> bool:
     return all(ipaddress.ip_address(str(ip).partition("%")[0]).is_loopback for ip in found)
 
 
+def _contact(client: Client) -> Contact:
+    """Of a connected client. Dask takes certificates and keys themselves where paths of files are expected."""
+    given = client.security.get_tls_config_for_role("client")
+    names = {"ca_file": "CA_FILE", "cert": "CLIENT__CERT", "key": "CLIENT__KEY"}
+    tls = {f"DASK_DISTRIBUTED__COMM__TLS__{to}": str(given[name]) for name, to in names.items() if given.get(name)}
+    return Contact(address=str(client.scheduler_info(n_workers=0)["address"]), environment=tls)
+
+
 def on_client(
     client: Client,
     dashboard: str | None,
@@ -355,6 +364,7 @@ def on_client(
     with contextlib.suppress(Exception):  # a worker without our packages cannot load it; the probe names that one
         client.register_plugin(WorkerSetup(), name="softclose")
     executor = DaskExecutor(client, dashboard, patience_s, refill, wanted)
+    executor.contact = _contact(client)
     try:
         yield executor
     finally:

@@ -44,6 +44,11 @@ class Placement:
             raise ExecutorError("--workers, --scheduler, --cluster and --serial exclude each other; give one of them")
 
     @property
+    def wait_s(self) -> float:
+        """How long a run waits without any worker [s]: jobs may queue."""
+        return self.patience_s if self.cluster is None else max(self.cluster.wait_s, self.patience_s)
+
+    @property
     def n_processes(self) -> int:
         """Processes on this machine that compute; none where a scheduler has its own."""
         return (
@@ -66,7 +71,7 @@ def open_executor(placement: Placement) -> Iterator[Executor]:
     elif placement.cluster is not None:
         from softclose_workflows.run.executors.batch import batch_cluster
 
-        with batch_cluster(placement.cluster, placement.patience_s) as executor:
+        with batch_cluster(placement.cluster, placement.wait_s) as executor:
             yield executor
     else:
         with local_cluster(placement.n_processes, placement.patience_s) as executor:

@@ -5,6 +5,7 @@ Nothing in a campaign may depend on that order.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from softclose_workflows.run.tasks import BlockResult, BlockTask
@@ -12,11 +13,23 @@ from softclose_workflows.run.tasks import BlockResult, BlockTask
 Event = tuple[BlockTask, BlockResult | BaseException]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """How another process of this user reaches the same cluster."""
+
+    address: str
+    """Of the scheduler."""
+    environment: dict[str, str]
+    """Dask's settings, with the keys themselves: of a process's environment only its user can read."""
+
+
 class Executor(Protocol):
     """Runs block tasks; results come back in any order."""
 
     dashboard: str | None
     """Address of the dashboard, where there is one."""
+    contact: Contact | None
+    """How other drivers use the same workers; None where nobody can."""
     n_retries: int
     """Workers lost so far, for the status view."""
 

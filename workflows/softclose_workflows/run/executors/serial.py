@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from softclose_workflows.run.executors.protocol import Event
+from softclose_workflows.run.executors.protocol import Contact, Event
 from softclose_workflows.run.tasks import BlockTask, run_block
 
 
@@ -13,6 +13,7 @@ class SerialExecutor:
 
     n_workers = 1
     dashboard: str | None = None
+    contact: Contact | None = None
     n_retries = 0
     has_finished = False
 
