@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.kernel import dispatch
-from softclose.waveform import MAX_VOLTS, Waveform
+from softclose.waveform import MAX_VOLTS, Trace, Waveform
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,7 +99,7 @@ _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 def simulate(
     switches: ArrayLike,
-    waveform: Waveform,
+    waveform: Waveform | Trace,
     *,
     horizon_us: float = 250.0,
     restitution: float = 0.5,
@@ -123,8 +123,8 @@ def simulate(
     ----------
     switches : (n, 4) array-like of float64
         Columns D [µm], G [µm], K [N/m], M [µg].
-    waveform : Waveform
-        The drive voltage.
+    waveform : Waveform or Trace
+        The drive voltage. A trace takes a step for each of its samples (`Trace.simplified`).
     horizon_us : float
         End of the simulation [µs].
     restitution : float
@@ -172,7 +172,7 @@ def simulate(
         raise SimulationError(f"rtol is {rtol!r}; below {RTOL_RANGE[0]:g} rounding dominates: use a larger one")
     if method not in dispatch.METHODS:
         raise SimulationError(f"method is {method!r}; it must be one of {', '.join(dispatch.METHODS)}")
-    if not isinstance(waveform, Waveform):
+    if not isinstance(waveform, Waveform | Trace):
         raise SimulationError(
             f"waveform is a {type(waveform).__name__}; it must be a softclose.Waveform, e.g. Waveform([Pulse(...)])"
         )

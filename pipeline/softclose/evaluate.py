@@ -20,7 +20,7 @@ from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import SINGLE_MODE
 from softclose.population import Sampling
 from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Drive, FloatArray, Trace, WaveformError
 
 N_PARAMETERS = 4
 """D, G, K and M of a switch; the columns behind them are the scales of its drive."""
@@ -88,7 +88,7 @@ def _learned(text: str) -> Learned:
 
 
 def respond(
-    config: CampaignConfig, switches: FloatArray, waveform: Waveform, *, max_volts: float = math.inf, **outputs: Any
+    config: CampaignConfig, switches: FloatArray, waveform: Drive, *, max_volts: float = math.inf, **outputs: Any
 ) -> Responses:
     """Responses of switches to one waveform, by the campaign's device model and with its settings.
 
@@ -117,7 +117,7 @@ def _responses(
     config: CampaignConfig,
     simulate: Simulate,
     switches: FloatArray,
-    waveform: Waveform,
+    waveform: Drive,
     *,
     max_volts: float,
     times_us: Any,
@@ -126,6 +126,10 @@ def _responses(
     model = config.model
     if switches.shape[1] == N_PARAMETERS or config.trim.measured == "nothing":
         return simulate(switches[:, :N_PARAMETERS], waveform)
+    if isinstance(waveform, Trace):
+        raise WaveformError(
+            "a sampled drive is not scaled for a switch: simulate it as it is, on columns D, G, K and M"
+        )
     waveform.check(max_volts, model.horizon_us)
     scales, plain = drive_scales(config, switches, waveform), switches[:, :N_PARAMETERS]
     if model.name == SINGLE_MODE:
@@ -146,7 +150,7 @@ def judge(config: CampaignConfig, response: Response, *, fresh: bool = False) ->
 def evaluate(
     config: CampaignConfig,
     switches: FloatArray,
-    waveform: Waveform,
+    waveform: Drive,
     *,
     max_volts: float = math.inf,
     fresh: bool = False,

@@ -73,6 +73,7 @@ def main(verbose: bool) -> None:
 
 
 COMMANDS = (
+    "assess",
     "calibrate",
     "certificates",
     "certify",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from softclose.kernel import pieces as drive_pieces
 from softclose.kernel import rk, taylor
 from softclose.plate import EPSILON_0
-from softclose.waveform import Waveform
+from softclose.waveform import Trace, Waveform
 
 FloatArray = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
 
 def run(
     switches: FloatArray,
-    waveform: Waveform,
+    waveform: Waveform | Trace,
     *,
     horizon_us: float,
     restitution: float,

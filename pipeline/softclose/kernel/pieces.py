@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from softclose.waveform import Waveform
+from softclose.waveform import Trace, Waveform
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -17,7 +17,37 @@ _SNAP_US = 1e-9
 """Knots closer than this are one: rounding in start + rise + peak must not make a piece of 1e-14 µs."""
 
 
-def flatten(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
+_LINE = 1e-5
+"""Half a line's length in the angle of the cosine that stands for it: (1e-5)²/6 of its rise is left, as is rounding."""
+
+
+def flatten(drive: Waveform | Trace, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """The flat form of a drive: `flatten_pulses`, or `flatten_lines`."""
+    return flatten_lines(drive, horizon_us) if isinstance(drive, Trace) else flatten_pulses(drive, horizon_us)
+
+
+def flatten_lines(trace: Trace, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Straight lines, each as the middle of a long cosine: the kernels know no other form.
+
+    Returns what `flatten_pulses` returns.
+    """
+    inside = trace.times_us[trace.times_us < horizon_us]
+    knots = np.append(inside, horizon_us)
+    u = trace.voltage(knots)
+    long_enough = np.append(np.diff(knots) > _SNAP_US, True)
+    knots, u = knots[long_enough], u[long_enough]
+    knots[0] = 0.0
+    begin, end = knots[:-1], knots[1:]
+    middle, rise = 0.5 * (begin + end), np.diff(u)
+    pieces = np.stack([begin, end, 0.5 * (u[:-1] + u[1:])], axis=1)
+    sloping = rise != 0.0
+    omega = 2.0 * _LINE / (end - begin)
+    # -amplitude cos(omega (t - middle) + pi/2) = amplitude sin(omega (t - middle)), amplitude = slope / omega
+    ramps = np.stack([-rise / (2.0 * _LINE), omega, middle - 0.5 * math.pi / omega], axis=1)
+    return pieces, sloping.astype(np.int64), np.ascontiguousarray(ramps[:, None, :])
+
+
+def flatten_pulses(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
     """Cut Eqs. 12-13 at every knot in [0, horizon].
 
     Returns (pieces, n_ramps, ramps): `pieces` (n_piece, 3) float64 with start, end [µs] and the constant part of u

@@ -9,6 +9,7 @@ import functools
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from softclose.naming import did_you_mean
 from softclose.plate import A1, mass, stiffness
 from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError, portable
+from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.population.population import VARIABLES, Population
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
@@ -28,6 +30,9 @@ _TRANSFORMS = ("shift_mean", "repeatability")
 _KEYS = {
     "beta": ("distribution", "lower", "upper", "mean", "shape_sum", "alpha", "beta"),
     "uniform": ("distribution", "lower", "upper", "nominal", "half_width"),
+    "normal": ("distribution", "mean", "sd", "location", "scale", "lower", "upper", "offset", "factor"),
+    "lognormal": ("distribution", "mean", "sd", "location", "scale", "lower", "upper", "offset", "factor"),
+    "empirical": ("distribution", "values"),
     "fixed": ("distribution", "value"),
 }
 _PAPER_SHAPE_SUM = 4.0
@@ -112,7 +117,7 @@ def _read(source: str | Path, seen: tuple[str, ...]) -> Population:
 
 def _build(data: Mapping[str, Any], base: Population | None) -> Population:
     _known(data, _TOP, "")
-    known: dict[str, Bounded] = {} if base is None else {v: getattr(base, v) for v in VARIABLES}
+    known: dict[str, Marginal] = {} if base is None else {v: getattr(base, v) for v in VARIABLES}
     open_nominal: dict[str, float] = {}
     for v in VARIABLES:
         if v not in data:
@@ -120,10 +125,10 @@ def _build(data: Mapping[str, Any], base: Population | None) -> Population:
                 raise PopulationError(f"[{v}] is missing; give D, G, E and T, or a base that has them")
             continue
         parsed = _variable(v, _table(data, v))
-        if isinstance(parsed, Bounded):
-            known[v] = parsed
-        else:
+        if isinstance(parsed, float):
             open_nominal[v] = parsed
+        else:
+            known[v] = parsed
     if open_nominal or "targets" in data:
         _solve_nominals(known, open_nominal, _table(data, "targets") if "targets" in data else {})
     transform = _table(data, "transform") if "transform" in data else {}
@@ -168,7 +173,7 @@ def _correlation(table: Mapping[str, Any]) -> tuple[Correlation, ...]:
     return tuple(found)
 
 
-def _variable(v: str, table: Mapping[str, Any]) -> Bounded | float:
+def _variable(v: str, table: Mapping[str, Any]) -> Marginal | float:
     """The distribution, or the relative half-width where the nominal value is left to the targets."""
     kind = table.get("distribution")
     if kind not in _KEYS:
@@ -191,7 +196,19 @@ def _variable(v: str, table: Mapping[str, Any]) -> Bounded | float:
             if "nominal" not in table:
                 return half
             return _around(_number(table, "nominal"), half)
+        if kind == "empirical":
+            return Empirical(values=table.get("values", ()))
         lower, upper = _number(table, "lower"), _number(table, "upper")
+        if kind in ("normal", "lognormal"):
+            by_moments = "mean" in table or "sd" in table
+            if by_moments == ("location" in table or "scale" in table):
+                raise PopulationError("give either mean and sd, or location and scale, of the values before truncation")
+            if by_moments:
+                found = Truncated.from_moments(kind, _number(table, "mean"), _number(table, "sd"), lower, upper)
+            else:
+                place, scale = _number(table, "location"), _number(table, "scale")
+                found = Truncated(kind=kind, location=place, scale=scale, low=lower, high=upper)
+            return replace(found, offset=_number(table, "offset", 0.0), factor=_number(table, "factor", 1.0))
         if ("mean" in table) == ("alpha" in table or "beta" in table):
             raise PopulationError("give either mean (and shape_sum), or alpha and beta")
         if "mean" in table:
@@ -202,7 +219,7 @@ def _variable(v: str, table: Mapping[str, Any]) -> Bounded | float:
         raise PopulationError(f"[{v}] {e}") from e
 
 
-def _solve_nominals(known: dict[str, Bounded], half_widths: Mapping[str, float], targets: Mapping[str, Any]) -> None:
+def _solve_nominals(known: dict[str, Marginal], half_widths: Mapping[str, float], targets: Mapping[str, Any]) -> None:
     """Find the nominal T and E at which E[M] and E[K] are the printed ones: M depends on T only, K is linear in E."""
     _known(targets, _TARGETS, "targets")
     for v, key in (("T", "mean_M_ug"), ("E", "mean_K_N_per_m")):
@@ -247,18 +264,25 @@ def write_population(population: Population, path: str | Path, comments: Iterabl
     if population.plate_area_um2 is not None:
         lines.append(f"plate_area_um2 = {population.plate_area_um2!r}")
     for v in VARIABLES:
-        b: Bounded = getattr(population, v)
-        lines += ["", f"[{v}]"]
-        if b.lower == b.upper:
-            lines += ['distribution = "fixed"', f"value = {b.lower!r}"]
-            continue
-        lines += [f'distribution = "{"uniform" if b.is_uniform else "beta"}"', f"lower = {b.lower!r}"]
-        lines.append(f"upper = {b.upper!r}")
-        if not b.is_uniform:
-            lines += [f"alpha = {b.alpha!r}", f"beta = {b.beta!r}"]
+        lines += ["", f"[{v}]", *_lines(getattr(population, v))]
     if population.correlation:
         lines += ["", "[correlation]", *(f"{a}-{b} = {rho!r}" for a, b, rho in population.correlation)]
     Path(path).write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def _lines(b: Marginal) -> list[str]:
+    """The table of one variable."""
+    if isinstance(b, Empirical):
+        return ['distribution = "empirical"', f"values = {list(b.values)!r}"]
+    if isinstance(b, Truncated):
+        given = {"location": b.location, "scale": b.scale, "lower": b.low, "upper": b.high}
+        moved = {"offset": b.offset, "factor": b.factor} if (b.offset, b.factor) != (0.0, 1.0) else {}
+        return [f'distribution = "{b.kind}"', *(f"{key} = {value!r}" for key, value in (given | moved).items())]
+    if b.lower == b.upper:
+        return ['distribution = "fixed"', f"value = {b.lower!r}"]
+    lines = [f'distribution = "{"uniform" if b.is_uniform else "beta"}"', f"lower = {b.lower!r}"]
+    lines.append(f"upper = {b.upper!r}")
+    return lines if b.is_uniform else [*lines, f"alpha = {b.alpha!r}", f"beta = {b.beta!r}"]
 
 
 def _string(text: str) -> str:

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from softclose.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 from softclose.population import copula
 from softclose.population.copula import Correlation
-from softclose.population.distributions import Bounded, PopulationError, portable
+from softclose.population.distributions import PopulationError, portable
+from softclose.population.marginals import Marginal, marginal_from_dict
 
 FloatArray = NDArray[np.float64]
 Sampling = Literal["monte-carlo", "sobol"]
@@ -32,13 +33,13 @@ class Population:
 
     name: str
     """What reports call it."""
-    D: Bounded
+    D: Marginal
     """Travel to contact [µm]."""
-    G: Bounded
+    G: Marginal
     """Electrostatic gap [µm]."""
-    E: Bounded
+    E: Marginal
     """Elastic modulus [GPa]."""
-    T: Bounded
+    T: Marginal
     """Plate thickness [µm]."""
     description: str = ""
     """One sentence for people."""
@@ -222,7 +223,7 @@ class Population:
         m_square = t.expect(lambda x: mass(x) ** 2)
         out: dict[str, float] = {}
         for v in VARIABLES:
-            b: Bounded = getattr(self, v)
+            b: Marginal = getattr(self, v)
             for what in ("lower", "mean", "upper", "sd"):
                 out[f"{v}_{what}_{UNITS[v].replace('µ', 'u')}"] = getattr(b, what)
         out |= {
@@ -257,14 +258,14 @@ class Population:
     def from_dict(cls, data: Mapping[str, Any]) -> Population:
         """Inverse of `to_dict`. Raises PopulationError where it is no such dictionary."""
         try:
-            bounded = {v: Bounded(**data[v]) for v in VARIABLES}
+            marginals = {v: marginal_from_dict(data[v]) for v in VARIABLES}
             area = data.get("plate_area_um2")
             return cls(
                 name=str(data["name"]),
                 description=str(data.get("description", "")),
                 plate_area_um2=None if area is None else float(area),
                 correlation=tuple((str(a), str(b), float(rho)) for a, b, rho in data.get("correlation", ())),
-                **bounded,
+                **marginals,
             )
         except (KeyError, TypeError, ValueError) as e:
             if isinstance(e, PopulationError):

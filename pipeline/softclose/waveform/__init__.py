@@ -6,3 +6,8 @@ from softclose.waveform.pulses import FloatArray as FloatArray
 from softclose.waveform.pulses import Pulse as Pulse
 from softclose.waveform.pulses import Waveform as Waveform
 from softclose.waveform.pulses import WaveformError as WaveformError
+from softclose.waveform.trace import Trace as Trace
+from softclose.waveform.trace import read_trace as read_trace
+
+Drive = Waveform | Trace
+"""Whatever switches can be driven with."""

@@ -1,0 +1,94 @@
+"""Claims about `softclose assess`: a recorded drive on a lot, beside a campaign's best, and kept with it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from small_campaigns import COARSE, make_campaign
+from softclose.waveform import read_trace
+from softclose_store import read_group, verify
+from softclose_workflows.analyses.assessed_trace import assess_trace
+from softclose_workflows.analyses.certify import certify
+from softclose_workflows.cli import main
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return make_campaign(tmp_path_factory.mktemp("assess") / "a.zarr", *COARSE)
+
+
+@pytest.fixture(scope="module")
+def exported(store: str, tmp_path_factory: pytest.TempPathFactory) -> str:
+    file = tmp_path_factory.mktemp("exported") / "best.csv"
+    done = CliRunner().invoke(main, ["export", store, "waveform", "-o", str(file)])
+    assert done.exit_code == 0, done.output
+    return str(file)
+
+
+def _assess(*arguments: str, code: int = 0) -> str:
+    done = CliRunner().invoke(main, ["assess", *arguments, "-q"])
+    assert done.exit_code == code, done.output
+    return done.output
+
+
+def test_what_is_exported_comes_back_as_what_it_was(store: str, exported: str) -> None:
+    """Within the quantisation of the file: samples of 0.1 µs."""
+    found = json.loads(_assess(store, exported, "--switches", "4000", "--json"))
+    against = found["against_best"]
+    assert abs(against["v_u_cm_s"]) < 0.02
+    assert against["p_nc"] == pytest.approx(0.0, abs=5e-4)
+    assert found["assessment"]["v_u_cm_s"] == pytest.approx(found["best_assessment"]["v_u_cm_s"], abs=0.02)
+
+
+def test_the_switches_are_those_of_a_certificate(store: str, exported: str) -> None:
+    found = assess_trace(store, read_trace(exported), n_switches=1500, seed=5)
+    certificate = certify(store, n_switches=1500, seed=5, top=1)
+    assert found.best is not None
+    assert found.best.candidate == certificate.best.candidate
+    assert found.best_assessment is not None
+    assert repr(found.best_assessment) == repr(certificate.best.assessment)
+    np.testing.assert_allclose(
+        found.response.max_contact_speed, certificate.best.response.max_contact_speed, atol=2e-4, equal_nan=True
+    )
+
+
+def test_a_preset_has_a_lot_but_no_best(exported: str) -> None:
+    found = json.loads(_assess("current", exported, "--switches", "3000", "--json"))
+    assert found["against_best"] is None
+    assert found["assessment"]["n"] == 3000
+    assert "against" not in _assess("current", exported, "--switches", "3000")
+
+
+def test_another_amplitude_is_another_result_and_is_kept_with_the_campaign(store: str, exported: str) -> None:
+    told = _assess(store, exported, "--switches", "2000", "--gain", "1.05", "--keep", "five-percent")
+    assert "against candidate" in told
+    assert "kept as traces/five-percent" in told
+    group = read_group(store, "traces/five-percent")
+    assert group.arrays["volts"].max() == pytest.approx(1.05 * read_trace(exported).volts.max(), rel=1e-3)
+    again = assess_trace(store, read_trace(exported, gain=1.05).simplified(1e-3), n_switches=2000)
+    np.testing.assert_array_equal(group.arrays["max_contact_speed"], again.response.max_contact_speed)
+    assert group.attributes["assessment"]["v_u_cm_s"] == again.assessment.v_u_cm_s
+    assert abs(again.comparison.v_u_cm_s) > 0.1  # type: ignore[union-attr]
+    assert verify(store).ok
+    assert "has a group traces/five-percent already" in _assess(
+        store, exported, "--switches", "2000", "--keep", "five-percent", code=2
+    )
+
+
+def test_lines_that_are_left_out_change_nothing_that_is_shown(store: str, exported: str) -> None:
+    few, all_ = (
+        json.loads(_assess(store, exported, "--switches", "2000", "--tolerance", t, "--json")) for t in ("0.001", "0")
+    )
+    assert few["n_samples"] < 0.5 * all_["n_samples"]
+    assert few["assessment"]["v_u_cm_s"] == pytest.approx(all_["assessment"]["v_u_cm_s"], abs=1e-3)
+
+
+def test_a_bad_file_is_one_error(store: str, tmp_path: Path) -> None:
+    file = tmp_path / "bad.csv"
+    file.write_text("time_us,volts\n0,0\n1,oops\n")
+    assert "line 3" in _assess(store, str(file), code=2)

@@ -1,0 +1,137 @@
+"""Owns what a lot does under a drive that was recorded: on fresh switches, beside a campaign's best waveform."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from softclose.config import CampaignConfig, load_config
+from softclose.evaluate import N_PARAMETERS, judge, respond
+from softclose.metrics.objective import Assessment, Judged
+from softclose.metrics.paired import Comparison, compare
+from softclose.waveform import Drive, Trace
+from softclose_store import GroupArray, StoreMissingError, open_campaign, store_state, write_group
+from softclose_workflows.analyses.certify import PART, check_size, fresh_switches
+from softclose_workflows.analyses.chosen import Chosen, choose
+from softclose_workflows.run import needs
+from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.plain import finite
+
+FOLDER = "traces"
+"""Groups of a store that hold assessed drives."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssessedTrace:
+    """A recorded drive on fresh switches."""
+
+    trace: Trace
+    """What was applied."""
+    response: Judged
+    """V, closed and status of every switch."""
+    assessment: Assessment
+    """The campaign's objective of them."""
+    seed: int
+    """Seed of the fresh switches: those of a certificate of this seed."""
+    best: Chosen | None
+    """The campaign's best waveform; None where there is no campaign."""
+    best_assessment: Assessment | None
+    """The same of that waveform."""
+    comparison: Comparison | None
+    """The trace against it, switch by switch."""
+    config: CampaignConfig
+    """Lot and objective."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        plain: dict[str, Any] = finite(
+            {
+                "n_samples": len(self.trace.times_us),
+                "max_volts": self.trace.max_voltage(self.config.model.horizon_us),
+                "seed": self.seed,
+                "assessment": self.assessment.to_dict(),
+                "best_candidate": None if self.best is None else self.best.candidate,
+                "best_assessment": None if self.best_assessment is None else self.best_assessment.to_dict(),
+                "against_best": None if self.comparison is None else self.comparison.to_dict(),
+            }
+        )
+        return plain
+
+
+def assess_trace(
+    source: str,
+    trace: Trace,
+    *,
+    n_switches: int = 100_000,
+    seed: int | None = None,
+    threads: int = 1,
+    listener: Step | None = None,
+) -> AssessedTrace:
+    """Assess a drive on fresh switches of a lot.
+
+    source: a store, whose best waveform runs on the same switches; or a preset or TOML file, for its lot and objective.
+    Every switch gets the drive as it is, also where the campaign trims. Raises CertifyError for too few switches.
+    """
+    best = None
+    if _is_store(source):
+        best = choose(source)
+        config = best.config
+    else:
+        config = load_config(source)
+    check_size(config, n_switches, 1)
+    needs.check_fresh(n_switches, 2)
+    chosen_seed = seed if seed is not None else best.seed if best is not None else config.campaign.seed
+    drives: list[tuple[Drive, int]] = [(trace, N_PARAMETERS)]
+    if best is not None:
+        drives.append((best.waveform, -1))
+    v = np.empty((len(drives), n_switches))
+    closed = np.empty(v.shape, dtype=np.bool_)
+    status = np.empty(v.shape, dtype=np.int8)
+    for begin in range(0, n_switches, PART):
+        rows = slice(begin, min(begin + PART, n_switches))
+        switches = fresh_switches(config, rows.stop - begin, seed=chosen_seed, start=begin)
+        for k, (drive, columns) in enumerate(drives):
+            own = switches if columns < 0 else switches[:, :columns]
+            found = respond(config, own, drive, threads=threads)
+            v[k, rows], closed[k, rows], status[k, rows] = found.max_contact_speed, found.closed, found.status
+        if listener is not None:
+            listener(rows.stop, n_switches)
+    judged = [Judged(max_contact_speed=v[k], closed=closed[k], status=status[k]) for k in range(len(drives))]
+    assessments = [judge(config, j, fresh=True) for j in judged]
+    return AssessedTrace(
+        trace=trace,
+        response=judged[0],
+        assessment=assessments[0],
+        seed=chosen_seed,
+        best=best,
+        best_assessment=None if best is None else assessments[1],
+        comparison=None
+        if best is None
+        else compare((judged[0], assessments[0]), (judged[1], assessments[1]), config.objective.confidence),
+        config=config,
+    )
+
+
+def keep(path: str, name: str, found: AssessedTrace) -> str:
+    """Write an assessed drive into a store; gives the group's name. Raises StoreExistsError where there is one."""
+    group = f"{FOLDER}/{name}"
+    arrays = {
+        "time": GroupArray(dims=("sample",), values=found.trace.times_us, unit="µs", long_name="instant"),
+        "volts": GroupArray(dims=("sample",), values=found.trace.volts, unit="V", long_name="drive voltage"),
+        "max_contact_speed": GroupArray(
+            dims=("fresh_switch",), values=found.response.max_contact_speed, unit="µm/µs", long_name="V of Eq. 7"
+        ),
+        "closed": GroupArray(dims=("fresh_switch",), values=found.response.closed, long_name="held in contact"),
+        "status": GroupArray(dims=("fresh_switch",), values=found.response.status, long_name="0: integrated"),
+    }
+    write_group(path, group, arrays, {"seed": found.seed, "assessment": finite(found.assessment.to_dict())})
+    return group
+
+
+def _is_store(source: str) -> bool:
+    try:
+        return store_state(source).kind not in ("absent", "unfinished") and bool(open_campaign(source))
+    except StoreMissingError:
+        return False
