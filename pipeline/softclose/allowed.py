@@ -47,7 +47,7 @@ def _plain(value: Any) -> str:
 
 
 def _choices(hint: Any) -> tuple[str, ...]:
-    return get_args(hint) if get_origin(hint) is Literal else ()
+    return tuple(map(str, get_args(hint))) if get_origin(hint) is Literal else ()
 
 
 def _entry(hint: Any) -> Any:

@@ -120,6 +120,37 @@ class TrimSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class AmplifierSection:
+    """What stands between the commanded waveform and the switch; by default nothing does."""
+
+    gain: Annotated[float, Field(gt=0, le=2)] = 1.0
+    """Volts delivered over volts commanded, at rest: a known error of the gain."""
+    offset_volts: Annotated[float, Field(ge=-50, le=50)] = 0.0
+    """Added to what is delivered [V]."""
+    delay_us: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    """Everything arrives so much later [µs]."""
+    slew_volts_per_us: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Steepest slope of the output [V/µs]; 0: none is too steep."""
+    bandwidth_kHz: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Frequency at which a sine comes out at -3 dB [kHz]; 0: every frequency passes."""
+    order: Literal[1, 2] = 1
+    """Order of that low-pass."""
+    damping: Annotated[float, Field(ge=0.05, le=5)] = 0.7071
+    """Damping ratio of the second order; 0.707 is the flattest, less overshoots."""
+    resolution_volts: Annotated[float, Field(ge=0, le=50)] = 0.0
+    """Step of the generator's voltages [V]; 0: none."""
+    resolution_us: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Time between two voltages of the generator, each of which is held [µs]; 0: none."""
+    step_us: Annotated[float, Field(gt=0, le=1)] = 0.05
+    """Step in which all this is computed [µs]."""
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether what is commanded is what is delivered."""
+        return self == AmplifierSection(step_us=self.step_us, order=self.order, damping=self.damping)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class ModelSection:
     """The device model: Eqs. 1-2 unless another one is named."""
 
@@ -342,6 +373,7 @@ class CampaignConfig:
     campaign: CampaignSection = Field(default_factory=CampaignSection)
     population: PopulationSection = Field(default_factory=PopulationSection)
     trim: TrimSection = Field(default_factory=TrimSection)
+    amplifier: AmplifierSection = Field(default_factory=AmplifierSection)
     model: ModelSection = Field(default_factory=ModelSection)
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
@@ -383,6 +415,11 @@ class CampaignConfig:
             raise ValueError(
                 f"waveform.min_rise_us is {self.waveform.min_rise_us:g}; no pulse would be up before model.horizon_us "
                 f"{self.model.horizon_us:g}: lower it, or raise the horizon"
+            )
+        if self.trim.measured != "nothing" and not self.amplifier.is_ideal:
+            raise ValueError(
+                f"trim.measured is {self.trim.measured!r} and [amplifier] is set: what it delivers of a scaled drive "
+                "is no scaled drive; leave one of them out"
             )
         if not self.campaign.budget + self.explore.budget:
             raise ValueError(
@@ -571,6 +608,7 @@ _SECTIONS = (
     CampaignSection,
     PopulationSection,
     TrimSection,
+    AmplifierSection,
     ModelSection,
     WaveformSection,
     ObjectiveSection,

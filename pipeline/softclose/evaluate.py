@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softclose.amplifier import deliver
 from softclose.device import load_model
 from softclose.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of, step
 from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import SINGLE_MODE
 from softclose.population import Sampling
 from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
-from softclose.waveform import Drive, FloatArray, Trace, WaveformError
+from softclose.waveform import Drive, FloatArray, Trace, Waveform, WaveformError
 
 N_PARAMETERS = 4
 """D, G, K and M of a switch; the columns behind them are the scales of its drive."""
@@ -95,11 +96,15 @@ def respond(
     switches: (n, 4), each driven by the waveform itself; or (n, 6) as `draw` returns them: where the campaign trims,
     each by the waveform scaled for it, within the limits (ADR 066). Their sampled x and v are those at the time scale
     times `times_us`.
+    A waveform goes through the campaign's amplifier; a trace is what one has delivered already.
     Where the objective has an instant by which switches have to be closed, `closed` means by then.
     max_volts [V]: above it WaveformError; reference designs and faulty drives are simulated whatever the campaign's
     limit. outputs: `times_us`, `max_impacts`, `dtype` and `threads` of the device model.
     """
     model, compute = config.model, config.compute
+    if isinstance(waveform, Waveform) and not config.amplifier.is_ideal:
+        waveform.check(max_volts, model.horizon_us)
+        waveform, max_volts = deliver(config.amplifier, waveform, model.horizon_us), math.inf
     simulate: Simulate = partial(
         load_model(model.name),
         restitution=model.restitution,

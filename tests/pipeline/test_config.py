@@ -171,6 +171,7 @@ def test_every_section_documents_its_keys() -> None:
         "campaign",
         "population",
         "trim",
+        "amplifier",
         "model",
         "waveform",
         "objective",

@@ -367,3 +367,19 @@ def test_exceedance_is_drawn_for_every_judged_design_on_an_axis_without_zero(dat
     assert [trace["name"] for trace in named] == [charts.plain(d.name) for d in data.judged_designs]
     assert all(y is not None and y > 0.0 for trace in chart["data"] for y in trace["y"])
     assert [shape["x0"] for shape in chart["layout"]["shapes"]] == list(data.config.objective.limits_cm_s)
+
+
+def test_what_an_amplifier_delivers_is_drawn_beside_what_is_commanded(tmp_path: Path) -> None:
+    settings = ("campaign.budget=3", "optimiser.n_initial=3", "population.n_switches=64", "amplifier.bandwidth_kHz=60")
+    data = gather(str(make_campaign(tmp_path / "amplifier.zarr", *FINISHED, *settings)))
+    assert data.best_design is not None
+    chart = charts.amplifier(data.best_design, data.config)
+    commanded, delivered = (np.array(trace["y"], dtype=float) for trace in chart["data"])
+    t = np.array(chart["data"][0]["x"])
+    np.testing.assert_allclose(commanded, data.best_design.waveform.voltage(t), rtol=1e-3, atol=1e-2)
+    assert delivered.max() < commanded.max()
+    assert 'id="amplifier"' in render_report(data)
+
+
+def test_without_an_amplifier_none_is_drawn(page: str) -> None:
+    assert 'id="amplifier"' not in page

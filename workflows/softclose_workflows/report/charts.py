@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from softclose.amplifier import deliver
+from softclose.config import CampaignConfig
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import group_of
 from softclose.waveform import FloatArray
@@ -284,6 +286,44 @@ def exceedance(designs: Sequence[Design], limits_cm_s: Sequence[float], top_cm_s
 def plain(text: str) -> str:
     """Plotly reads a little markup in its texts: strangers' names must not."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("%{", "% {")
+
+
+def amplifier(design: Design, config: CampaignConfig) -> Chart:
+    """The commanded waveform and what the amplifier delivers of it."""
+    horizon = _until_of(design, config)
+    t = np.linspace(0.0, horizon, 601)
+    delivered = deliver(config.amplifier, design.waveform, config.model.horizon_us).voltage(t)
+    commanded = design.waveform.voltage(t)
+    apart = float(np.abs(delivered - commanded).max())
+    return {
+        "data": [
+            {
+                "name": name,
+                "x": numbers(t),
+                "y": numbers(u),
+                "mode": "lines",
+                "line": {"color": colour, "width": 2, "dash": dash},
+                "hovertemplate": "%{y:.1f} V<extra>" + name + "</extra>",
+            }
+            for name, u, colour, dash in (
+                ("commanded", commanded, "@unshaped", "dash"),
+                ("delivered", delivered, "@best", "solid"),
+            )
+        ],
+        "layout": layout(
+            axis("Time (µs)", range=[0, horizon], unifiedhovertitle={"text": "%{x:.1f} µs"}),
+            axis("Voltage (V)"),
+            showlegend=True,
+            hovermode="x unified",
+        ),
+        "alt": f"The commanded voltage and what the amplifier delivers of it, up to {apart:.1f} V apart.",
+    }
+
+
+def _until_of(design: Design, config: CampaignConfig) -> float:
+    """End of the axis: a little after the last change of the waveform."""
+    last = float(design.waveform.breakpoints(config.model.horizon_us)[-1])
+    return min(config.model.horizon_us, 10.0 * math.ceil((last + 30.0) / 10.0))
 
 
 def trim_scales(trim: TrimShown, limit: int = 2000) -> Chart:

@@ -142,6 +142,8 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         figures["exceedance"] = charts.exceedance(judged, data.config.objective.limits_cm_s, _top_speed(judged))
         for name in "DGET":
             figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
+    if data.best_design is not None and not data.config.amplifier.is_ideal:
+        figures["amplifier"] = charts.amplifier(data.best_design, data.config)
     if data.trim is not None and data.best_design is not None:
         pair = (replace(data.best_design, name="each switch its own drive"), data.trim.untrimmed)
         figures["trim-speeds"] = charts.densities(pair, [d.role for d in pair], _top_speed(pair))

@@ -1,0 +1,136 @@
+"""Claims about the amplifier in the loop, against closed forms and scipy.signal, and that every path sees it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import signal
+
+from softclose import Pulse, Waveform
+from softclose.amplifier import TOLERANCE_VOLTS, deliver
+from softclose.config import AmplifierSection, CampaignConfig, ConfigError, load_config
+from softclose.evaluate import respond
+from softclose.waveform import Trace, WaveformError
+
+STEP = Waveform([Pulse(0.0, 0.0, math.inf, 100.0)])
+DRIVE = Waveform([Pulse(0.0, 4.0, 3.1, 138.0), Pulse(20.0, 30.0, math.inf, 80.0)])
+T = np.linspace(0.0, 250.0, 2501)
+
+
+def _delivered(waveform: Waveform = DRIVE, **settings: Any) -> Trace:
+    return deliver(AmplifierSection(**settings), waveform, 250.0)
+
+
+def test_a_first_order_answers_a_step_by_its_exponential() -> None:
+    found = _delivered(STEP, bandwidth_kHz=50.0)
+    tau = 1.0 / (2.0 * math.pi * 0.05)
+    after = T > 1.0
+    exact = 100.0 * (1.0 - np.exp(-T / tau))
+    np.testing.assert_allclose(found.voltage(T)[after], exact[after], atol=0.8)  # a step takes one step of 0.05 µs
+    fine = deliver(AmplifierSection(bandwidth_kHz=50.0, step_us=0.002), STEP, 60.0)
+    t = np.linspace(1.0, 60.0, 200)
+    np.testing.assert_allclose(fine.voltage(t), 100.0 * (1.0 - np.exp(-t / tau)), atol=0.05)
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.7071, 1.5])
+def test_both_orders_let_a_sine_of_their_bandwidth_through_at_minus_3_dB(damping: float) -> None:
+    """Seen through the response to pulses: against scipy's own simulation of the transfer function."""
+    for order in (1, 2):
+        a = AmplifierSection(bandwidth_kHz=80.0, order=order, damping=damping)
+        found = deliver(a, DRIVE, 250.0)
+        corner = 2.0 * math.pi * 0.08
+        if order == 1:
+            system = signal.TransferFunction([corner], [1.0, corner])
+        else:
+            natural = corner / math.sqrt(1 - 2 * damping**2 + math.sqrt((1 - 2 * damping**2) ** 2 + 1))
+            system = signal.TransferFunction([natural**2], [1.0, 2.0 * damping * natural, natural**2])
+        _, magnitude = signal.freqresp(system, [corner])
+        assert abs(magnitude[0]) == pytest.approx(math.sqrt(0.5), rel=1e-9)
+        t = np.arange(0.0, 250.0, 0.01)
+        _, exact, _ = signal.lsim(system, DRIVE.voltage(t), t)
+        np.testing.assert_allclose(found.voltage(t), exact, atol=0.03)
+
+
+def test_an_output_is_no_steeper_than_the_slew_limit_and_follows_where_it_can() -> None:
+    found = _delivered(slew_volts_per_us=10.0)
+    slopes = np.diff(found.volts) / np.diff(found.times_us)
+    assert np.abs(slopes).max() <= 10.0 + 1e-6
+    assert found.max_voltage() < 0.9 * DRIVE.max_voltage()
+    np.testing.assert_allclose(found.voltage(T[T > 60.0]), DRIVE.voltage(T[T > 60.0]), atol=2 * TOLERANCE_VOLTS)
+    ramp = _delivered(STEP, slew_volts_per_us=10.0)
+    np.testing.assert_allclose(ramp.voltage(T), np.minimum(10.0 * T, 100.0), atol=1.0)
+
+
+def test_delay_gain_and_offset_are_what_they_say() -> None:
+    found = _delivered(delay_us=7.0, gain=1.1, offset_volts=-2.0)
+    later = np.where(T >= 7.0, 1.1 * DRIVE.voltage(np.maximum(T - 7.0, 0.0)), 0.0) - 2.0
+    np.testing.assert_allclose(found.voltage(T), later, atol=0.02)
+
+
+def test_a_generator_gives_whole_steps_and_holds_each() -> None:
+    found = _delivered(resolution_volts=0.5, resolution_us=2.0)
+    middles = np.arange(1.0, 249.0, 2.0)
+    u = found.voltage(middles)
+    np.testing.assert_allclose(u, 0.5 * np.round(DRIVE.voltage(middles - 1.0) / 0.5), atol=2 * TOLERANCE_VOLTS)
+    np.testing.assert_allclose(found.voltage(middles + 0.8), u, atol=2 * TOLERANCE_VOLTS)
+
+
+@given(st.floats(4.0, 40.0), st.floats(0.0, 60.0), st.floats(1.0, 150.0))
+def test_a_fast_amplifier_delivers_what_is_commanded(rise: float, start: float, volts: float) -> None:
+    waveform = Waveform([Pulse(start, rise, 5.0, volts)])
+    found = deliver(AmplifierSection(bandwidth_kHz=1e5), waveform, 250.0)
+    np.testing.assert_allclose(found.voltage(T), waveform.voltage(T), atol=2e-3 * volts + 2 * TOLERANCE_VOLTS)
+
+
+def test_switches_get_what_is_delivered_and_a_trace_goes_past_the_amplifier() -> None:
+    plain, config = load_config("current"), load_config("current", ["amplifier.bandwidth_kHz=60"])
+    switches = plain.build_population().sample(200, seed=1)
+    ours = respond(config, switches, DRIVE)
+    trace = deliver(config.amplifier, DRIVE, config.model.horizon_us)
+    for theirs in (respond(plain, switches, trace), respond(config, switches, trace)):
+        np.testing.assert_array_equal(ours.max_contact_speed, theirs.max_contact_speed)
+    ideal = respond(plain, switches, DRIVE)
+    assert np.nanmedian(np.abs(ours.max_contact_speed - ideal.max_contact_speed)) * 100.0 > 0.5
+
+
+def test_the_limit_is_on_what_is_commanded() -> None:
+    config = load_config("current", ["amplifier.gain=1.2", "waveform.max_volts=140"])
+    switches = config.build_population().sample(5, seed=1)
+    assert respond(config, switches, DRIVE, max_volts=140.0).closed.shape == (5,)  # 166 V reach the switch
+    with pytest.raises(WaveformError, match="may not exceed 130 V"):
+        respond(config, switches, DRIVE, max_volts=130.0)
+
+
+def test_an_ideal_amplifier_changes_no_bit_and_no_campaign_without_one() -> None:
+    config = load_config("current")
+    assert config.amplifier.is_ideal
+    assert AmplifierSection(order=2, damping=0.3, step_us=0.1).is_ideal
+    assert CampaignConfig.from_dict(config.to_dict()) == config
+    for setting in ("gain=1.01", "offset_volts=1", "delay_us=1", "slew_volts_per_us=9", "bandwidth_kHz=9"):
+        assert not load_config("current", [f"amplifier.{setting}"]).amplifier.is_ideal
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("gain=0", "amplifier.gain is 0; it must be a finite number above 0"),
+        ("bandwidth_kHz=-1", "amplifier.bandwidth_kHz is -1"),
+        ("order=3", "amplifier.order is 3"),
+        ("step_us=0", "amplifier.step_us is 0"),
+        ("bandwith_kHz=3", "did you mean"),
+    ],
+)
+def test_what_no_amplifier_has_is_named(setting: str, said: str) -> None:
+    with pytest.raises(ConfigError) as e:
+        load_config("current", [f"amplifier.{setting}"])
+    assert said in str(e.value)
+
+
+def test_trim_and_an_amplifier_exclude_each_other() -> None:
+    with pytest.raises(ConfigError, match="leave one of them out"):
+        load_config("current-trim", ["amplifier.bandwidth_kHz=60"])
