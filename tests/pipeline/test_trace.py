@@ -43,7 +43,7 @@ def test_pulses_that_are_sampled_act_as_the_pulses_do_with_an_error_of_second_or
 
 def test_both_kernels_agree_on_lines(switches: np.ndarray) -> None:
     rng = np.random.default_rng(7)
-    trace = Trace(np.linspace(0.0, 250.0, 120), np.clip(80.0 + 30.0 * rng.standard_normal(120), 0.0, 150.0))
+    trace = Trace(np.linspace(0.0, 250.0, 26), np.clip(80.0 + 30.0 * rng.standard_normal(26), 0.0, 150.0))
     fast, readable = (simulate(switches[:60], trace, method=m) for m in ("taylor", "rk"))
     for name in ("max_contact_speed", "final_x"):  # after twenty jolts some switches forget the ninth digit
         apart = np.abs(getattr(fast, name) - getattr(readable, name))
