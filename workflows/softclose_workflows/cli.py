@@ -80,6 +80,7 @@ COMMANDS = (
     "compare",
     "compare_engines",
     "completion",
+    "drift",
     "export",
     "figures",
     "pareto",

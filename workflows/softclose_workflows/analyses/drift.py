@@ -1,0 +1,104 @@
+"""Owns the drift of a stored design's lot: on the certification's fresh switches, told as a table or as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from softclose.uncertainty.drift import Drift, Kind
+from softclose.uncertainty.drift import drift as assess_drift
+from softclose_workflows.analyses.certify import fresh_switches
+from softclose_workflows.analyses.chosen import Chosen, choose
+from softclose_workflows.run.needs import check_fresh
+from softclose_workflows.tell.console import Step, wide_console
+from softclose_workflows.tell.plain import finite
+from softclose_workflows.tell.tables import with_interval
+
+USUAL: dict[Kind, tuple[float, ...]] = {
+    "stiffness": (-0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2),
+    "charge": (-16.0, -8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0, 16.0),
+}
+"""Drifts that are looked at where none is named."""
+
+
+def drift(
+    path: str,
+    kind: Kind,
+    values: Sequence[float] = (),
+    *,
+    candidate: int | None = None,
+    n_switches: int = 20_000,
+    threads: int = 1,
+    listener: Step | None = None,
+) -> tuple[Chosen, Drift]:
+    """A stored waveform over a range of drifts. Raises DriftError and CertifyError."""
+    check_fresh(n_switches, 1)
+    chosen = choose(path, candidate)
+    switches = fresh_switches(chosen.config, n_switches, seed=chosen.seed)
+    wanted = values or USUAL[kind]
+    return chosen, assess_drift(
+        chosen.config, switches, chosen.waveform, kind, wanted, threads=threads, listener=listener
+    )
+
+
+def shown(kind: Kind, value: float) -> str:
+    """`+2 %`, `-1.5 V`."""
+    return f"{100.0 * value:+.3g} %" if kind == "stiffness" else f"{value:+.3g} V"
+
+
+def sentences(found: Drift) -> list[str]:
+    """Where v_u has doubled, on either side."""
+    said = []
+    for value, side in zip(found.doubled, (found.rows[0].drift, found.rows[-1].drift), strict=True):
+        if side == 0.0:
+            continue
+        if math.isinf(value):
+            said.append(f"v_u has not doubled at {shown(found.kind, side)}")
+        else:
+            said.append(f"v_u has doubled at {shown(found.kind, value)}")
+    return said
+
+
+def print_drift(chosen: Chosen, found: Drift, n_switches: int) -> None:
+    """One row a drift, with intervals; then where v_u has doubled."""
+    from rich.table import Table
+
+    table = Table(
+        title=f"candidate {chosen.candidate} ({chosen.why}), pull-in voltages drifting by {found.kind}, on "
+        f"{n_switches:,} fresh switches",
+        title_justify="left",
+    )
+    table.add_column("drift", justify="right", no_wrap=True)
+    for column in ("v_u \\[cm/s]", "change", "p_nc", "change", "g \\[cm/s]"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for r in found.rows:
+        a, c = r.assessment, r.comparison
+        still = r.drift == 0.0
+        table.add_row(
+            "none" if still else shown(found.kind, r.drift),
+            with_interval(a.v_u_cm_s, *a.v_u_interval),
+            "" if still else with_interval(c.v_u_cm_s, *c.v_u_interval),
+            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4),
+            "" if still else with_interval(c.p_nc, *c.p_nc_interval, 4),
+            f"{a.g_cm_s:.2f}",
+        )
+    console = wide_console()
+    console.print(table)
+    for sentence in sentences(found):
+        console.print(sentence)
+
+
+def to_json(chosen: Chosen, found: Drift) -> dict[str, Any]:
+    """Plain values."""
+    plain: dict[str, Any] = finite(
+        {
+            "candidate": chosen.candidate,
+            "kind": found.kind,
+            "doubled": [None if math.isinf(v) else v for v in found.doubled],
+            "rows": [
+                {"drift": r.drift, "change": r.comparison.to_dict(), **r.assessment.to_dict()} for r in found.rows
+            ],
+        }
+    )
+    return plain
