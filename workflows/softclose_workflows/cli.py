@@ -85,6 +85,7 @@ COMMANDS = (
     "figures",
     "pareto",
     "populations",
+    "propagate",
     "report",
     "reproduce",
     "rescore",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from softclose.plate import PLATE_AREA_UM2, modulus, stiffness_from_pull_in
 from softclose.population import copula
+from softclose.population.copula import Correlation
 from softclose.population.distributions import PopulationError
 from softclose.population.files import write_population
-from softclose.population.fit import Fit, Kind, fit
+from softclose.population.fit import Fit, Kind, estimate, fit
 from softclose.population.measurements import MeasurementError, Measurements
 from softclose.population.population import UNITS, VARIABLES, Population
 
@@ -139,20 +140,9 @@ def calibrate(
     outside = int(((thickness < _FITTED_T_UM[0]) | (thickness > _FITTED_T_UM[1])).sum())
     if outside:
         notes.append(f"{outside} devices are thinner or thicker than the 5–9 µm for which Eq. 4 was fitted")
-    from scipy.stats import spearmanr
-
-    correlation, p_values = (np.asarray(part) for part in spearmanr(parameters))
-    pairs = tuple(
-        (VARIABLES[j], VARIABLES[i], round(float(np.clip(correlation[i, j], -MOST, MOST)), 4))
-        for i in range(4)
-        for j in range(i)
-        if p_values[i, j] < 0.05 / 6.0  # six pairs
-    )
-    try:
-        copula.check(pairs, VARIABLES)
-    except PopulationError:
+    correlation, pairs, together = correlations(parameters)
+    if not together:
         notes.append("the correlations of the devices do not go together in one population, which takes none of them")
-        pairs = ()
     notes += [
         f"{a} and {b} are correlated (rank correlation {rho:.2f}), and so in the population" for a, b, rho in pairs
     ]
@@ -174,6 +164,41 @@ def calibrate(
         confidence=confidence,
         notes=tuple(notes),
     )
+
+
+def correlations(parameters: FloatArray) -> tuple[FloatArray, tuple[Correlation, ...], bool]:
+    """Rank correlations of devices: all (4, 4), those that a population takes, and whether these go together.
+
+    A population takes the significant ones (5 % for all six pairs), or none where they do not go together.
+    """
+    from scipy.stats import spearmanr
+
+    found, p_values = (np.asarray(part) for part in spearmanr(parameters))
+    pairs = tuple(
+        (VARIABLES[j], VARIABLES[i], round(float(np.clip(found[i, j], -MOST, MOST)), 4))
+        for i in range(4)
+        for j in range(i)
+        if p_values[i, j] < 0.05 / 6.0  # six pairs
+    )
+    try:
+        copula.check(pairs, VARIABLES)
+    except PopulationError:
+        return found, (), False
+    return found, pairs, True
+
+
+def refitted(
+    population: Population, n: int, *, seed: int, bounds: Mapping[str, tuple[float, float]] | None = None
+) -> Population:
+    """The population that n other devices of it would have been taken for: drawn, measured without error, and fitted.
+
+    Raises PopulationError where they are none.
+    """
+    devices = population.sample_parameters(n, seed=seed)
+    known = dict(bounds or {})
+    found: dict[str, Any] = {v: estimate(x, KINDS[v], known.get(v)) for v, x in zip(VARIABLES, devices.T, strict=True)}
+    _, pairs, _ = correlations(devices)
+    return replace(population, correlation=pairs, **found)
 
 
 def write_calibration(calibration: Calibration, path: str | Path) -> None:

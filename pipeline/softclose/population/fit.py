@@ -50,6 +50,13 @@ class Fit:
     """How often data drawn from the fit, and fitted again, lie at least as far away: small speaks against it."""
 
 
+def estimate(values: FloatArray, kind: Kind, bounds: tuple[float, float] | None = None) -> Bounded:
+    """The distribution alone, without intervals; see `fit`. values: (n,)."""
+    if kind == "uniform":
+        return Bounded(lower=bounds[0], upper=bounds[1]) if bounds else _uniform(values)
+    return _beta_within(values, *bounds) if bounds else _beta(values)
+
+
 def fit(
     values: FloatArray,
     kind: Kind,
@@ -65,13 +72,7 @@ def fit(
     With `bounds` given, both shapes of a Beta are free. Without, the bounds are fitted with alpha + beta == 4 and both
     shapes at least 1 (below, the likelihood has no maximum). A uniform with given bounds has nothing left to fit.
     """
-
-    def estimate(x: FloatArray) -> Bounded:
-        if kind == "uniform":
-            return Bounded(lower=bounds[0], upper=bounds[1]) if bounds else _uniform(x)
-        return _beta_within(x, *bounds) if bounds else _beta(x)
-
-    best = estimate(values)
+    best = estimate(values, kind, bounds)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(stream,))))
     ordered = np.sort(values)
     statistic = cramer_von_mises(ordered, best)
@@ -80,7 +81,7 @@ def fit(
     further = 0
     for i in range(n_bootstrap):
         x = np.sort(best.quantile(rng.random(values.size)))
-        refit = estimate(x)
+        refit = estimate(x, kind, bounds)
         again[i] = list(_numbers(refit).values())
         further += cramer_von_mises(x, refit) >= statistic
     tail = 50.0 * (1.0 - confidence)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -57,7 +58,7 @@ def calibrate(
         calibration = fit(
             read_measurements(measurements),
             name=name or Path(output).stem,
-            bounds=dict(map(_bounds, given)),
+            bounds=parsed_bounds(given),
             plate_area_um2=plate_area,
             n_bootstrap=bootstrap,
             confidence=confidence,
@@ -91,6 +92,11 @@ def calibrate(
     console.print(table)
     for note in calibration.notes:
         console.print(f"note: {note}")
+
+
+def parsed_bounds(given: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """`D=2.3:2.7` each. Raises MeasurementError."""
+    return dict(map(_bounds, given))
 
 
 def _bounds(text: str) -> tuple[str, tuple[float, float]]:

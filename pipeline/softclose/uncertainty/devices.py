@@ -1,0 +1,141 @@
+"""Owns how sure a waveform's figures are where the lot is known from a few measured devices only.
+
+Parametric bootstrap: the fitted lot is taken for the truth, as many devices are drawn from it, the lot is fitted to
+them again, and the waveform is judged on that lot; over and over. What the figures vary by is what the devices leave
+open. All lots are judged on the same uniforms, so that the luck of an ensemble is not in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from softclose.config import CampaignConfig
+from softclose.evaluate import evaluate
+from softclose.metrics.intervals import Interval
+from softclose.metrics.objective import Assessment
+from softclose.population.calibrate import refitted
+from softclose.population.distributions import PopulationError
+from softclose.population.population import Population, index_uniforms, switches_from_parameters
+from softclose.waveform import FloatArray, Waveform
+
+STREAM = 7_400_000
+"""Stream of the uniforms: neither a campaign's nor a certificate's."""
+
+FEWEST_LOTS = 20
+
+
+class DevicesError(ValueError):
+    """A question about devices that has no answer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Propagated:
+    """A waveform's figures with what the measured devices leave open."""
+
+    n_devices: int
+    """Devices that the lot was fitted to."""
+    assessment: Assessment
+    """On the lot as fitted."""
+    v_u_cm_s: FloatArray
+    """(n_lots,) v_u on each lot that as many devices may have come from [cm/s]."""
+    p_nc: FloatArray
+    """(n_lots,) fraction not closed on each."""
+    g_cm_s: FloatArray
+    """(n_lots,) objective on each [cm/s]."""
+    n_failed: int
+    """Draws of devices that no population fits; they are left out."""
+    confidence: float
+    """Of the intervals."""
+
+    def interval(self, name: str) -> Interval:
+        """Percentile interval of `v_u_cm_s`, `p_nc` or `g_cm_s`."""
+        tail = 50.0 * (1.0 - self.confidence)
+        low, high = np.nanpercentile(getattr(self, name), [tail, 100.0 - tail])
+        return float(low), float(high)
+
+
+def propagate(
+    config: CampaignConfig,
+    waveform: Waveform,
+    population: Population,
+    n_devices: int,
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    n_lots: int = 200,
+    n_switches: int = 4_000,
+    seed: int = 0,
+    threads: int = 1,
+    listener: Callable[[int, int], None] | None = None,
+) -> Propagated:
+    """Judge a waveform on lots that the measured devices may have come from.
+
+    Parameters
+    ----------
+    config : CampaignConfig
+        Objective, device model and drive; its own population is not used.
+    waveform : Waveform
+        What drives the lot.
+    population : Population
+        The lot as fitted to the devices.
+    n_devices : int
+        How many they were.
+    bounds : mapping, optional
+        (lower, upper) of any of D, G, E, T that were known, not fitted.
+    n_lots : int
+        Lots.
+    n_switches : int
+        Switches that each is judged on.
+    seed : int
+        Of devices and switches.
+    threads : int
+        For the simulation.
+    listener : callable, optional
+        Told (done, all).
+
+    Returns
+    -------
+    Propagated
+
+    Raises
+    ------
+    DevicesError
+        For too few lots, or where most draws of devices are no population.
+    """
+    if n_lots < FEWEST_LOTS:
+        raise DevicesError(f"{n_lots} lots make no interval; {FEWEST_LOTS} at least (200 are usual)")
+    area = replace(config.model, plate_area_um2=population.plate_area())
+    settings = replace(config, model=area, population_model=population.to_dict())
+    uniforms = index_uniforms(n_switches, seed=seed, start=0, stream=STREAM)
+
+    def judged(lot: Population) -> Assessment:
+        switches = switches_from_parameters(lot.quantile(uniforms))
+        return evaluate(settings, switches, waveform, fresh=True, threads=threads)
+
+    figures = np.full((3, n_lots), math.nan)
+    failed = 0
+    for k in range(n_lots):
+        try:
+            a = judged(refitted(population, n_devices, seed=seed + 1 + k, bounds=bounds))
+            figures[:, k] = a.v_u_cm_s, a.p_nc, a.g_cm_s
+        except PopulationError:
+            failed += 1
+        if listener is not None:
+            listener(k + 1, n_lots)
+    if failed > 0.5 * n_lots:
+        raise DevicesError(
+            f"{failed} of {n_lots} draws of {n_devices} devices are no population (D must stay below G): give the "
+            "bounds that the process keeps (--bounds)"
+        )
+    return Propagated(
+        n_devices=n_devices,
+        assessment=judged(population),
+        v_u_cm_s=figures[0],
+        p_nc=figures[1],
+        g_cm_s=figures[2],
+        n_failed=failed,
+        confidence=config.objective.confidence,
+    )

@@ -1,0 +1,92 @@
+"""Owns what a few measured devices leave open of a stored design's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from softclose.population.calibrate import calibrate
+from softclose.population.measurements import read_measurements
+from softclose.uncertainty.devices import Propagated
+from softclose.uncertainty.devices import propagate as propagate_devices
+from softclose_workflows.analyses.chosen import Chosen, choose
+from softclose_workflows.run.needs import check_fresh
+from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.plain import finite
+from softclose_workflows.tell.tables import with_interval
+
+
+def propagate(
+    path: str,
+    measurements: str,
+    *,
+    candidate: int | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    n_lots: int = 200,
+    n_switches: int = 4_000,
+    seed: int = 0,
+    threads: int = 1,
+    listener: Step | None = None,
+) -> tuple[Chosen, Propagated]:
+    """A stored waveform on lots that a file's devices may have come from. Raises MeasurementError, DevicesError."""
+    check_fresh(n_switches, 1)
+    chosen = choose(path, candidate)
+    devices = read_measurements(measurements)
+    fitted = calibrate(
+        devices, bounds=bounds, plate_area_um2=chosen.config.model.plate_area_um2, n_bootstrap=20, seed=seed
+    )
+    return chosen, propagate_devices(
+        chosen.config,
+        chosen.waveform,
+        fitted.population,
+        len(devices.device),
+        bounds=bounds,
+        n_lots=n_lots,
+        n_switches=n_switches,
+        seed=seed,
+        threads=threads,
+        listener=listener,
+    )
+
+
+def said(chosen: Chosen, found: Propagated) -> list[str]:
+    """A line a figure: what it is, what the switches leave open, and what the devices do."""
+    a, level = found.assessment, f"{found.confidence:.0%}"
+    rows = (
+        ("v_u [cm/s]", "v_u_cm_s", a.v_u_cm_s, a.v_u_interval, 2),
+        ("p_nc", "p_nc", a.p_nc, a.p_nc_intervals.wilson, 4),
+        ("g [cm/s]", "g_cm_s", a.g_cm_s, a.g_interval, 2),
+    )
+    lines = [
+        f"candidate {chosen.candidate} ({chosen.why}) on the lot of {found.n_devices} devices; {level} intervals: by "
+        f"{a.n:,} switches, and by the devices"
+    ]
+    for label, name, value, by_switches, digits in rows:
+        low, high = found.interval(name)
+        lines.append(
+            f"  {label:11} {with_interval(value, *by_switches, digits)}   {low:.{digits}f} – {high:.{digits}f}"
+        )
+    if found.n_failed:
+        lines.append(f"{found.n_failed} of {len(found.p_nc)} draws of devices are no population and left out")
+    return lines
+
+
+def to_json(chosen: Chosen, found: Propagated) -> dict[str, Any]:
+    """Plain values."""
+    plain: dict[str, Any] = finite(
+        {
+            "candidate": chosen.candidate,
+            "n_devices": found.n_devices,
+            "n_lots": len(found.p_nc),
+            "n_failed": found.n_failed,
+            "confidence": found.confidence,
+            "assessment": found.assessment.to_dict(),
+            "by_devices": {name: list(found.interval(name)) for name in ("v_u_cm_s", "p_nc", "g_cm_s")},
+            "lots": {
+                "v_u_cm_s": found.v_u_cm_s.tolist(),
+                "p_nc": found.p_nc.tolist(),
+                "g_cm_s": found.g_cm_s.tolist(),
+            },
+        }
+    )
+    return plain

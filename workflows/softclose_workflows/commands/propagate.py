@@ -1,0 +1,68 @@
+"""Owns `softclose propagate`."""
+
+from __future__ import annotations
+
+import click
+
+from softclose_workflows.commands.options import quiet_option
+
+
+@click.command(
+    epilog="\b\nExamples:\n  softclose propagate runs/mine.zarr measurements.csv\n"
+    "  softclose propagate runs/mine.zarr measurements.csv --bounds D=2.3:2.7 --bounds G=3.6:3.9 --lots 500 --json"
+)
+@click.argument("store", metavar="STORE")
+@click.argument("measurements", metavar="CSV")
+@click.option("--candidate", type=int, metavar="N", help="Which candidate [the best certified one, or else the best].")
+@click.option(
+    "--bounds",
+    multiple=True,
+    metavar="X=LOWER:UPPER",
+    help="Bounds of D, G, E or T known from the process; repeatable.",
+)
+@click.option("--lots", type=int, default=200, show_default=True, help="Lots that the devices may have come from.")
+@click.option("--switches", type=click.IntRange(min=100), default=4_000, show_default=True, help="Of each lot.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of devices and switches.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+@quiet_option
+def propagate(
+    store: str,
+    measurements: str,
+    candidate: int | None,
+    bounds: tuple[str, ...],
+    lots: int,
+    switches: int,
+    seed: int,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """How sure the figures of a waveform in STORE are, given the devices that the lot is known from.
+
+    The lot is fitted to the devices of CSV, and to as many others drawn from it, again and again: what v_u and p_nc
+    vary by is what the devices leave open. A certificate's interval has the luck of its switches only.
+    """
+    from softclose_workflows.analyses.devices import propagate as run
+    from softclose_workflows.analyses.devices import said, to_json
+    from softclose_workflows.commands.calibrate import parsed_bounds
+    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.tell.console import bar
+    from softclose_workflows.tell.plain import json_text
+
+    known = parsed_bounds(bounds)
+    with bar("refitting", quiet=quiet) as listener:
+        chosen, found = run(
+            store,
+            measurements,
+            candidate=candidate,
+            bounds=known,
+            n_lots=lots,
+            n_switches=switches,
+            seed=seed,
+            threads=n_cores(),
+            listener=listener,
+        )
+    if as_json:
+        click.echo(json_text(to_json(chosen, found)))
+        return
+    for line in said(chosen, found):
+        click.echo(line)
