@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
-import shutil
 import uuid
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from programs import require
 
 # A deadline is a claim about the machine: on a busy one the same example passes the next time.
 settings.register_profile("softclose", deadline=None)
@@ -32,14 +33,6 @@ def another_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     settings = ("campaign.seed=2", "campaign.budget=6", "campaign.name=another seed")
     return Path(make_campaign(tmp_path_factory.mktemp("another") / "other.zarr", *FINISHED, *settings))
-
-
-def require(program: str) -> str:
-    """The path of a system program; without it the test is skipped by name."""
-    found = shutil.which(program)
-    if found is None:
-        pytest.skip(f"{program} is not installed")
-    return found
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from campaigns import command, softclose
-from conftest import require
 from hosts import PROGRAMS, Hosts, hosts_on_a_network
+from programs import require
 from softclose_store import store_state, verify
 from stores import differences
 

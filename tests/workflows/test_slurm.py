@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from campaigns import command, softclose
-from conftest import require
+from programs import require
 from slurm import PROGRAMS, Slurm, running_slurm
 from softclose_store import open_campaign, store_state
 from stores import differences
