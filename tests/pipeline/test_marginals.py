@@ -87,6 +87,9 @@ def test_far_tails_keep_their_digits() -> None:
     mirrored = Truncated(kind="normal", location=0.0, scale=1.0, low=-7.5, high=-6.0)
     np.testing.assert_allclose(mirrored.quantile(P), -b.quantile(1.0 - P), rtol=1e-9)
     assert b.mean == pytest.approx(stats.truncnorm(6.0, 7.5).mean(), rel=1e-9)
+    y = np.linspace(6.0, 7.5, 50)
+    np.testing.assert_allclose(b.density(y), stats.truncnorm(6.0, 7.5).pdf(y), rtol=1e-9)
+    np.testing.assert_allclose(mirrored.density(-y), b.density(y), rtol=1e-9)
 
 
 def test_every_device_is_as_likely_as_every_other() -> None:
@@ -96,13 +99,35 @@ def test_every_device_is_as_likely_as_every_other() -> None:
     found, counts = np.unique(drawn, return_counts=True)
     np.testing.assert_array_equal(found, sorted(set(values)))
     np.testing.assert_array_equal(counts, [1000, 1000, 2000, 1000, 1000])
-    assert b.quantile(np.array([0.0, 1.0])).tolist() == [2.8, 3.4]
+    assert b.quantile(np.array([0.0, 1.0])).tolist() == [b.lower, b.upper] == [2.8, 3.4]
     assert (b.mean, b.sd) == pytest.approx((np.mean(values), np.std(values)))
     assert b.expect(np.square) == pytest.approx(np.mean(np.square(values)))
     halved = b.scale_spread(0.5)
     assert (halved.mean, halved.sd) == pytest.approx((b.mean, 0.5 * b.sd))
     y = np.linspace(1.0, 5.0, 4001)
     assert np.trapezoid(b.density(y), y) == pytest.approx(1.0, abs=1e-6)
+    width = 0.9 * np.std(values) * len(values) ** -0.2 / np.std(values, ddof=1)
+    np.testing.assert_allclose(b.density(y), stats.gaussian_kde(values, bw_method=width)(y), atol=1e-12)
+    np.testing.assert_allclose(b.density(y[:3999].reshape(3, -1)), b.density(y[:3999]).reshape(3, -1))
+
+
+@pytest.mark.parametrize(
+    "b", [Truncated.from_moments("normal", 3.0, 0.2, 2.5, 3.5), Empirical(values=(3.1, 2.9, 3.0, 3.4, 3.2))]
+)
+def test_a_mean_is_not_moved_to_nothing(b: Truncated | Empirical) -> None:
+    for delta in (-b.mean, -2.0 * b.mean):
+        with pytest.raises(PopulationError, match="must stay above minus the mean"):
+            b.shift_mean(delta)
+    with pytest.raises(PopulationError, match="factor of 0 or more"):
+        b.scale_spread(-0.1)
+
+
+def test_only_what_was_moved_says_so() -> None:
+    b = Truncated.from_moments("normal", 3.0, 0.2, 2.5, 3.5)
+    assert set(b.to_dict()) == {"kind", "location", "scale", "low", "high"}
+    assert b.shift_mean(0.3).to_dict()["factor"] == pytest.approx(1.1)
+    for moved in (b.shift_mean(0.3), b.scale_spread(0.5)):
+        assert marginal_from_dict(moved.to_dict()) == moved
 
 
 OWN = """

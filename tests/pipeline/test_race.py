@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from softclose.metrics.objective import assess
 from softclose.metrics.race import g_influence, race, sizes
@@ -112,9 +113,33 @@ def test_one_waveform_needs_one_round() -> None:
     result = race(1, sizes(500, N), _track(_field(2, (0.0,))), tolerance_cm_s=0.1)
     assert result.decided
     assert [lap.n_switches for lap in result.laps] == [500]
+    plain = result.to_dict()
+    assert plain["laps"][0]["n_switches"] == plain["trajectories"] == 500
+    assert (plain["decided"], plain["finalists"], plain["confidence"]) == (True, (0,), 0.95)
     assert result.finalists == (0,)
 
 
 def test_sizes_double_up_to_the_limit() -> None:
     assert sizes(1000, 5000) == (1000, 2000, 4000, 5000)
     assert sizes(1000, 800) == (800,)
+
+
+@pytest.mark.parametrize(
+    "objective", [{}, {"risk": "cvar"}, {"form": "chance", "p_max": 0.001}], ids=["penalty", "cvar", "chance"]
+)
+def test_the_spread_of_the_influence_is_the_standard_error_of_g(objective: dict[str, Any]) -> None:
+    """With the defaults of the objective, whose own standard error comes from intervals and associations."""
+    (a,) = _field(5, (0.0,))
+    judged = assess(a, **objective)
+    influence = g_influence(a, judged, **objective)
+    assert float(np.std(influence)) / math.sqrt(N) == pytest.approx(judged.g_se_cm_s, rel=5e-3)
+
+
+def test_a_margin_is_the_upper_end_of_the_paired_difference() -> None:
+    field = _field(6, (0.0, 0.02))
+    result = race(2, [N], _track(field), tolerance_cm_s=1e-9, confidence=0.9)
+    (lap,) = result.laps
+    a, b = (assess(r) for r in field)
+    apart = g_influence(field[1], b) - g_influence(field[0], a)
+    reach = stats.norm.ppf(0.95) * float(np.std(apart)) / math.sqrt(N)
+    assert lap.margin_cm_s == pytest.approx(reach - abs(b.g_cm_s - a.g_cm_s), rel=1e-9)

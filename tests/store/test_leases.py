@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -87,6 +88,29 @@ def test_who_renews_keeps_a_lock_and_who_does_not_loses_it(s3: str, monkeypatch:
     theirs.release()
     mine.check()
     mine.release()
+
+
+@pytest.mark.parametrize("failure", [ServiceError("slow down"), StoreError("refused")])
+def test_a_renewal_that_fails_is_tried_again(failure: Exception, s3: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lease, "RENEW_S", 0.05)
+    real, failures = lease.key_version, [failure, failure]
+
+    def faltering(*a: Any) -> Any:
+        if failures:
+            raise failures.pop()
+        return real(*a)
+
+    monkeypatch.setattr(lease, "key_version", faltering)
+    mine = DriverLock(s3)
+    mine.acquire()
+    end = time.monotonic() + 10.0
+    while json.loads(read_key(open_files(s3, read_only=True), LOCK_KEY) or b"{}").get("renewals", 0) < 2:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert not failures
+    mine.check()
+    mine.release()
+    assert lock_holder(s3) is None
 
 
 def test_a_renewal_never_takes_a_lock_back(s3: str, monkeypatch: pytest.MonkeyPatch) -> None:
