@@ -139,6 +139,15 @@ def test_a_hosts_clock_does_not_matter(s3: str, monkeypatch: pytest.MonkeyPatch)
         DriverLock(s3).acquire()
 
 
+def test_who_looks_sees_no_driver_behind_a_lock_that_is_long_expired(s3: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    _hold(s3, STRANGER)
+    found = lock_holder(s3)
+    assert found is not None
+    assert found.host == "elsewhere"
+    monkeypatch.setattr(lease, "LEASE_S", -610.0)
+    assert lock_holder(s3) is None
+
+
 def test_without_a_bucket_or_credentials_it_is_said_what_to_do(s3: str, monkeypatch: pytest.MonkeyPatch) -> None:
     files = open_files("s3://nowhere/a.zarr", read_only=False)
     with pytest.raises(StoreError, match="make the bucket first"):

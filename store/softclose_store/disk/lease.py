@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 import uuid
 from collections.abc import Callable
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
 from softclose_store.disk.files import delete_key, key_version, replace_key, write_key
 from softclose_store.disk.names import PARTIAL
@@ -21,6 +21,9 @@ LEASE_S = 120.0
 RENEW_S = 20.0
 """Time between renewals [s]."""
 
+CLOCK_S = 600.0
+"""How wrong the clock of a host that only looks may be [s]."""
+
 
 def has_expired(files: ServiceFiles, held: Version) -> bool:
     """Whether a lock's last renewal is longer ago than a lease: by a key that is written now, and removed."""
@@ -29,6 +32,11 @@ def has_expired(files: ServiceFiles, held: Version) -> bool:
     now = key_version(files, probe)
     delete_key(files, probe)
     return now is not None and now.modified - held.modified > timedelta(seconds=LEASE_S)
+
+
+def looks_expired(held: Version) -> bool:
+    """The same for who only looks and writes nothing, by this host's clock, which may be ten minutes wrong."""
+    return datetime.now(UTC) - held.modified > timedelta(seconds=LEASE_S + CLOCK_S)
 
 
 class Renewal:

@@ -33,7 +33,7 @@ from softclose_store.disk.files import (
     read_key,
     replace_key,
 )
-from softclose_store.disk.lease import Renewal, has_expired
+from softclose_store.disk.lease import Renewal, has_expired, looks_expired
 from softclose_store.disk.objects import ServiceFiles
 from softclose_store.disk.processes import boot_id, process_is_alive, process_start
 from softclose_store.errors import LockedError, StoreError
@@ -232,7 +232,11 @@ def lock_holder(path: StorePath) -> Holder | None:
     """Who drives a store now; None where nobody does. Takes nothing and waits for nothing."""
     local = local_path(path)
     if local is None:
-        holder = Holder.parse(read_key(open_files(path, read_only=True), LOCK_KEY))
+        files = open_files(path, read_only=True)
+        held = key_version(files, LOCK_KEY)
+        if held is not None and looks_expired(held):
+            return None
+        holder = Holder.parse(read_key(files, LOCK_KEY) if held is None else held.content)
         return None if holder is None or holder.is_dead else holder
     try:
         holder = Holder.parse((local / LOCK_KEY).read_bytes())
