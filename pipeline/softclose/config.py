@@ -20,7 +20,7 @@ from softclose.plugins import ENGINES, MODELS, EngineError, ModelError
 from softclose.population import Population, load_population
 from softclose.population.trim import Measured, Scaled, Trim
 from softclose.presets import PresetError, find_preset
-from softclose.waveform import MIN_RISE_US, Waveform
+from softclose.waveform import LEAST_RISE_US, MIN_RISE_US, Waveform
 
 SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
 
@@ -174,14 +174,19 @@ class WaveformSection:
     """Search space; `-full` holds with its last pulse, `-release` lets go."""
     max_volts: Volts = 150.0
     """Limit on the sum of all pulses at any instant [V], from 1 to 1000."""
-    min_rise_us: Annotated[float, Field(ge=MIN_RISE_US, le=MAX_HORIZON_US)] = MIN_RISE_US
-    """Fastest rise that may be proposed [µs]."""
+    min_rise_us: Annotated[float, Field(ge=LEAST_RISE_US, le=MAX_HORIZON_US)] = MIN_RISE_US
+    """Fastest rise that may be proposed [µs]: what the second mode of the device allows; 4 is for the paper's plate."""
     initial: tuple[tuple[tuple[float | None, ...], ...], ...] = ()
     """The user's own waveforms, evaluated first: each a list of [start, rise, peak, volts]; a peak of "hold" holds."""
     initial_from: str = ""
     """A store whose best candidates are evaluated first; `softclose run` writes them into `initial`."""
     initial_count: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 10
     """Most candidates that are taken from there."""
+
+    @property
+    def least_rise_us(self) -> float:
+        """Fastest rise of waveforms that are given [µs]: a slower search refuses none of today's."""
+        return min(self.min_rise_us, MIN_RISE_US)
 
     @field_validator("initial", mode="before")
     @classmethod
@@ -403,7 +408,7 @@ class CampaignConfig:
         for number, rows in enumerate(self.waveform.initial):
             try:
                 waveform = Waveform.from_rows(rows)
-                waveform.check(self.waveform.max_volts, self.model.horizon_us)
+                waveform.check(self.waveform.max_volts, self.model.horizon_us, self.waveform.least_rise_us)
             except ValueError as e:
                 raise ValueError(f"waveform.initial[{number}]: {e}") from e
         if len(self.waveform.initial) > self.campaign.budget:

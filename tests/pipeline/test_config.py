@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from softclose.config import CampaignConfig, ConfigError, canonical_json, known_keys, load_config
 from softclose.plugins import EngineError
+from softclose.propose.protocol import Problem
 
 
 def test_defaults_follow_from_an_empty_file() -> None:
@@ -56,14 +58,14 @@ def test_the_population_is_part_of_the_configuration(tmp_path: Path) -> None:
         ),
         ("waveform.max_volts=1e-3", "from 1 to 1000 V"),
         ("waveform.max_volts=1e9", "from 1 to 1000 V"),
-        ("waveform.min_rise_us=2.5", "waveform.min_rise_us is 2.5; it must be a finite number from 4 to 1e.06 µs"),
+        ("waveform.min_rise_us=0.01", "waveform.min_rise_us is 0.01; it must be a finite number from 0.05 to 1e.06 µs"),
         ("objective.level=2", "objective.level is 2; it must be a finite number above 0 and below 1"),
         ("objective.limits_cm_s=[5,-1]", "objective.limits_cm_s.1 is -1; it must be a finite number above 0 cm/s"),
         ("objective.limits_cm_s=5", "objective.limits_cm_s is 5; it must be a list, each entry a finite number"),
         ("population.sampling=sobl", "did you mean 'sobol'. it must be one of monte-carlo, sobol"),
         ("store.durable=3", "store.durable is 3; it must be true or false"),
         ("population.name=''", "population.name is ''; it must be a text that is not empty"),
-        ("waveform.initial=[[[0,2.5,3,100]]]", "waveform.initial.0.: pulse 1: pulse rises in 2.5 µs"),
+        ("waveform.initial=[[[0,2.5,3,100]]]", "waveform.initial.0.: pulse 1 rises in 2.5 µs"),
         ("waveform.initial=[[[0,4,3,160]]]", "reaches 160 V; .* may not exceed 150 V"),
         ("model.horizon_us=inf", "finite"),
         ("compute.block_switches=1", "2000 blocks; at most 256"),
@@ -182,3 +184,13 @@ def test_every_section_documents_its_keys() -> None:
         "compute",
         "store",
     }
+
+
+def test_a_device_with_a_faster_second_mode_may_have_faster_edges() -> None:
+    own = ["waveform.min_rise_us=1.5", "waveform.initial=[[[0,2.5,3,100]]]"]
+    config = load_config("current", own)
+    space = Problem(config).space
+    rises = [p.rise_us for w in space.waveforms(np.random.default_rng(1).random((200, space.dim))) for p in w.pulses]
+    assert 1.5 <= min(rises) < 2.5
+    slower = load_config("current", ["waveform.min_rise_us=8", "waveform.initial=[[[0,4.5,3,100]]]"])
+    assert slower.waveform.least_rise_us == 4.0

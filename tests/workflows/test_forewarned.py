@@ -70,3 +70,10 @@ def test_the_limit_on_p_nc_is_judged_wherever_it_is_told(tmp_path: Path) -> None
         assert "p_nc ≤ 0.01 is " in told.stdout, told.output
     assert "p_nc ≤ 0.01 is " in run.stdout
     assert np.isfinite(load_config("current").objective.p_max)
+
+
+def test_edges_faster_than_the_papers_are_warned_of() -> None:
+    (said,) = forewarnings(load_config("current", ["waveform.min_rise_us=1.5"]))
+    assert "waveform.min_rise_us is 1.5 µs" in said
+    assert "second mode" in said
+    assert forewarnings(load_config("current", ["waveform.min_rise_us=6"])) == []

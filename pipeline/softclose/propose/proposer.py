@@ -100,7 +100,7 @@ class Proposer:
         try:
             if isinstance(proposal, Exception):
                 raise proposal
-            proposal.waveform.check(limits.waveform.max_volts, limits.model.horizon_us)
+            proposal.waveform.check(limits.waveform.max_volts, limits.model.horizon_us, limits.waveform.least_rise_us)
             if proposal.n_switches != wave.n_switches:
                 raise ValueError(f"{proposal.n_switches} switches for a wave of {wave.n_switches}")
         except _FAILURES as e:

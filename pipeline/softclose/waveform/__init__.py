@@ -1,5 +1,6 @@
 """Pulses and drive waveforms (Eqs. 12-13), and the spaces in which they are searched."""
 
+from softclose.waveform.pulses import LEAST_RISE_US as LEAST_RISE_US
 from softclose.waveform.pulses import MAX_VOLTS as MAX_VOLTS
 from softclose.waveform.pulses import MIN_RISE_US as MIN_RISE_US
 from softclose.waveform.pulses import FloatArray as FloatArray

@@ -1,4 +1,4 @@
-"""Owns what can be said of a campaign before it runs: a voltage limit that part of the lot cannot close under."""
+"""Owns what can be said of a campaign before it runs: limits that the lot, or the model, may not bear."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from softclose.config import CampaignConfig
 from softclose.plate import closing_voltage
 from softclose.plugins import SINGLE_MODE
+from softclose.waveform import MIN_RISE_US
 
 _N = 4096
 """Switches drawn to estimate a share of the lot; a power of 2, as Sobol points like it."""
@@ -16,6 +17,20 @@ def forewarnings(config: CampaignConfig) -> list[str]:
     """One sentence for each thing that a person should know before the campaign runs."""
     if config.model.name != SINGLE_MODE:
         return []  # pull-in is a notion of Eqs. 1-3; another model may have none
+    return [*_fast_edges(config.waveform.min_rise_us), *_low_limit(config)]
+
+
+def _fast_edges(rise_us: float) -> list[str]:
+    if rise_us >= MIN_RISE_US:
+        return []
+    return [
+        f"waveform.min_rise_us is {rise_us:g} µs: edges that fast may excite modes that Eqs. 1-2 leave out (the paper "
+        f"keeps {MIN_RISE_US:g} µs for its plate, whose modes are at 20 and 70 kHz); make sure that your device's "
+        "second mode allows it"
+    ]
+
+
+def _low_limit(config: CampaignConfig) -> list[str]:
     limit = config.waveform.max_volts
     switches = config.build_population().sample(_N, seed=0, sampling="sobol")
     volts = closing_voltage(switches, config.model.plate_area_um2)

@@ -40,7 +40,7 @@ def warm_started(config: CampaignConfig) -> CampaignConfig:
 
 def _fits(config: CampaignConfig, o: Observation) -> bool:
     try:
-        o.waveform.check(config.waveform.max_volts, config.model.horizon_us)
+        o.waveform.check(config.waveform.max_volts, config.model.horizon_us, config.waveform.least_rise_us)
     except ValueError:
         return False
     return True
