@@ -17,7 +17,7 @@ from softclose_store import open_campaign, store_state
 from stores import differences
 
 SETTINGS = (
-    "campaign.budget=160",
+    "campaign.budget=480",
     "campaign.wave=4",
     "population.n_switches=4000",
     "compute.block_switches=2000",
@@ -58,7 +58,7 @@ def _cluster(folder: Path, *more: str) -> str:
     return str(file)
 
 
-def _until(true: Callable[[], object], seconds: float = 60.0) -> None:
+def _until(true: Callable[[], object], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end
@@ -75,15 +75,17 @@ def test_a_cancelled_job_is_replaced_and_a_killed_driver_resumed(slurm: Slurm, l
     driver = subprocess.Popen(
         command(*_arguments(store), "--cluster", cluster), env=slurm.environment, stderr=subprocess.DEVNULL
     )
-    _until(lambda: _committed(store) >= 8)
-    first = slurm.jobs("softclose-worker")
-    assert len(first) == 2
-    slurm.ask("scancel", first[0])
-    _until(lambda: set(slurm.jobs("softclose-worker")) - set(first))
-    assert driver.poll() is None
-    driver.kill()
-    driver.wait()
-    assert 8 <= _committed(store) < 160
+    try:
+        _until(lambda: _committed(store) >= 8)
+        _until(lambda: len(slurm.jobs("softclose-worker")) == 2)
+        first = slurm.jobs("softclose-worker")
+        slurm.ask("scancel", first[0])
+        _until(lambda: set(slurm.jobs("softclose-worker")) - set(first))
+        assert driver.poll() is None
+    finally:
+        driver.kill()
+        driver.wait()
+    assert 8 <= _committed(store) < 480
     left = slurm.jobs("softclose-worker", "RUNNING,PENDING")
     if left:  # nobody is there to cancel them; their workers end when the scheduler does not answer
         slurm.ask("scancel", *left)
@@ -111,7 +113,7 @@ def test_a_submitted_driver_that_is_cancelled_goes_on_in_the_next_job(
     _until(lambda: _committed(store) >= 8)
     assert len(slurm.jobs("softclose-b", "PENDING")) == 1  # its successor waits
     slurm.ask("scancel", first[1])
-    _until(lambda: not slurm.jobs("softclose-b", "RUNNING,PENDING,COMPLETING,CONFIGURING"), 120.0)
+    _until(lambda: not slurm.jobs("softclose-b", "RUNNING,PENDING,COMPLETING,CONFIGURING"), 240.0)
     assert store_state(str(store)).finished
     assert not slurm.jobs("softclose-worker", "RUNNING,PENDING")
     logs = sorted((tmp_path / "jobs").glob("softclose-b-*.log"))
