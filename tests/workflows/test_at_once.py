@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from campaigns import SMALL, command, softclose
 from softclose.config import load_config
 from softclose_store import open_campaign, store_state
-from softclose_workflows.errors import ExecutorError
+from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.protocol import Contact
 from softclose_workflows.run.stopping import StopRequest
@@ -84,3 +85,30 @@ def test_where_one_fails_its_words_are_told_and_no_other_begins(missing: bool, t
     assert store in str(e.value)
     assert ("no campaign at" if missing else "no Dask scheduler answers") in str(e.value)
     assert len(said) == 1
+
+
+def test_a_signal_reaches_the_drivers_also_where_no_campaign_waits_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each has a session of its own: what the terminal sends to ours does not reach it."""
+    endless = (
+        "import signal, sys, time; signal.signal(signal.SIGTERM, lambda *_: sys.exit(3)); print(1); time.sleep(60)"
+    )
+
+    def driver(path: str, contact: Contact, patience_s: float) -> subprocess.Popen[str]:
+        started = subprocess.Popen([sys.executable, "-uc", endless], stdout=subprocess.PIPE, text=True)
+        assert started.stdout is not None
+        started.stdout.readline()  # it listens now
+        return started
+
+    monkeypatch.setattr("softclose_workflows.studies.at_once._driver", driver)
+    stop = StopRequest()
+    began = time.monotonic()
+    with pytest.raises(Stopped, match="SIGTERM received"):
+        run_at_once(
+            ["a", "b"],
+            Contact(address="", environment={}),
+            2,
+            patience_s=1.0,
+            stop=stop,
+            say=lambda line: setattr(stop, "signal_name", "SIGTERM" if "2/2" in line else None),
+        )
+    assert time.monotonic() - began < 30.0

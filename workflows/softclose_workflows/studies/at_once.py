@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from softclose_workflows.errors import EXIT_STOPPED, ExecutorError, Stopped
+from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run.executors.protocol import Contact
 from softclose_workflows.run.stopping import StopRequest
 
@@ -41,9 +41,10 @@ def run_at_once(
     Raises Stopped where one stops, or on a signal: the others finish what is in flight first. Raises ExecutorError
     where a driver refuses its campaign.
     """
-    waiting, running, failure = list(paths), list[_Running](), ""
+    waiting, running, failure, ending = list(paths), list[_Running](), "", False
     while waiting or running:
-        if (stop or failure) and waiting:
+        if (stop or failure) and not ending:
+            ending = True
             waiting.clear()
             for each in running:
                 each.driver.send_signal(signal.SIGTERM)
@@ -56,10 +57,6 @@ def run_at_once(
             said = (each.driver.communicate()[1] or "").strip()
             if each.driver.returncode and not failure and not stop:
                 failure = f"{each.path}: {said or f'its driver ended with {each.driver.returncode}'}"
-                if each.driver.returncode != EXIT_STOPPED:
-                    waiting.clear()
-                    for other in running:
-                        other.driver.send_signal(signal.SIGTERM)
         time.sleep(POLL_S)
     if stop:
         raise Stopped(f"{stop.signal_name} received")
