@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+
+from softclose_store import store_state
 
 SMALL = (
     "campaign.budget=8",
@@ -43,3 +47,16 @@ def softclose(
         check=False,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"} | (env or {}),
     )
+
+
+def until(true: Callable[[], object], seconds: float = 120.0) -> None:
+    """Wait for something that other processes bring about; fail after so long."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def committed(store: Path) -> int:
+    """Committed candidates; 0 where there is no store yet."""
+    return store_state(str(store)).n_committed if store.exists() else 0

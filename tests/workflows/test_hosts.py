@@ -6,16 +6,16 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from campaigns import command, softclose
+from campaigns import command, committed, softclose, until
 from hosts import PROGRAMS, Hosts, hosts_on_a_network
 from programs import require
-from softclose_store import store_state, verify
+from softclose_store import verify
 from stores import differences
 
 pytestmark = pytest.mark.slow
@@ -89,17 +89,6 @@ def _drive(hosts: Hosts, store: Path, address: str, *more: str) -> Any:
     return hosts.start("driver", *command(*arguments), env=QUICK, stderr=subprocess.PIPE)
 
 
-def _until(true: Callable[[], object], seconds: float = 60.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
-def _committed(store: Path) -> int:
-    return store_state(str(store)).n_committed if store.exists() else 0
-
-
 def _ends_well(driver: Any, store: Path, local: Path) -> None:
     _, said = driver.communicate(timeout=150)
     assert driver.returncode == 0, said
@@ -110,10 +99,10 @@ def _ends_well(driver: Any, store: Path, local: Path) -> None:
 def test_a_worker_that_is_cut_off_and_comes_back_spoils_nothing(hosts: Hosts, local: Path, tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
     driver = _drive(hosts, store, _cluster(hosts))
-    _until(lambda: _committed(store) >= 24)
+    until(lambda: committed(store) >= 24)
     hosts.cut("one")
-    before = _committed(store)
-    _until(lambda: _committed(store) >= before + 24)  # another computes its blocks
+    before = committed(store)
+    until(lambda: committed(store) >= before + 24)  # another computes its blocks
     assert driver.poll() is None
     hosts.heal("one")
     _ends_well(driver, store, local)
@@ -123,12 +112,12 @@ def test_a_driver_that_is_cut_off_stops_and_is_resumed(hosts: Hosts, local: Path
     store = tmp_path / "a.zarr"
     address = _cluster(hosts)
     driver = _drive(hosts, store, address, "--patience", "2")
-    _until(lambda: _committed(store) >= 24)
+    until(lambda: committed(store) >= 24)
     hosts.cut("driver")
     _, said = driver.communicate(timeout=60)
     assert driver.returncode == 3, said
     assert "softclose resume" in said
-    assert 24 <= _committed(store) < 240
+    assert 24 <= committed(store) < 240
     hosts.heal("driver")
     again = _drive(hosts, store, address)
     _ends_well(again, store, local)
@@ -137,7 +126,7 @@ def test_a_driver_that_is_cut_off_stops_and_is_resumed(hosts: Hosts, local: Path
 def test_a_driver_that_is_cut_off_for_a_moment_goes_on(hosts: Hosts, local: Path, tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
     driver = _drive(hosts, store, _cluster(hosts))
-    _until(lambda: _committed(store) >= 24)
+    until(lambda: committed(store) >= 24)
     hosts.cut("driver")
     time.sleep(1.0)
     hosts.heal("driver")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from campaigns import command, softclose
+from campaigns import command, committed, softclose, until
 from programs import require
 from slurm import PROGRAMS, Slurm, running_slurm
 from softclose_store import open_campaign, store_state
@@ -58,17 +57,6 @@ def _cluster(folder: Path, *more: str) -> str:
     return str(file)
 
 
-def _until(true: Callable[[], object], seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.1)
-
-
-def _committed(store: Path) -> int:
-    return store_state(str(store)).n_committed if store.exists() else 0
-
-
 @pytest.mark.slow
 def test_a_cancelled_job_is_replaced_and_a_killed_driver_resumed(slurm: Slurm, local: Path, tmp_path: Path) -> None:
     store, cluster = tmp_path / "a.zarr", _cluster(tmp_path)
@@ -76,16 +64,16 @@ def test_a_cancelled_job_is_replaced_and_a_killed_driver_resumed(slurm: Slurm, l
         command(*_arguments(store), "--cluster", cluster), env=slurm.environment, stderr=subprocess.DEVNULL
     )
     try:
-        _until(lambda: _committed(store) >= 8)
-        _until(lambda: len(slurm.jobs("softclose-worker")) == 2)
+        until(lambda: committed(store) >= 8)
+        until(lambda: len(slurm.jobs("softclose-worker")) == 2)
         first = slurm.jobs("softclose-worker")
         slurm.ask("scancel", first[0])
-        _until(lambda: set(slurm.jobs("softclose-worker")) - set(first))
+        until(lambda: set(slurm.jobs("softclose-worker")) - set(first))
         assert driver.poll() is None
     finally:
         driver.kill()
         driver.wait()
-    assert 8 <= _committed(store) < 480
+    assert 8 <= committed(store) < 480
     left = slurm.jobs("softclose-worker", "RUNNING,PENDING")
     if left:  # nobody is there to cancel them; their workers end when the scheduler does not answer
         slurm.ask("scancel", *left)
@@ -110,10 +98,10 @@ def test_a_submitted_driver_that_is_cancelled_goes_on_in_the_next_job(
     assert submitted.returncode == 0, submitted.stderr
     first = re.match(r"job (\d+) ", submitted.stdout)
     assert first is not None
-    _until(lambda: _committed(store) >= 8)
+    until(lambda: committed(store) >= 8)
     assert len(slurm.jobs("softclose-b", "PENDING")) == 1  # its successor waits
     slurm.ask("scancel", first[1])
-    _until(lambda: not slurm.jobs("softclose-b", "RUNNING,PENDING,COMPLETING,CONFIGURING"), 240.0)
+    until(lambda: not slurm.jobs("softclose-b", "RUNNING,PENDING,COMPLETING,CONFIGURING"), 240.0)
     assert store_state(str(store)).finished
     assert not slurm.jobs("softclose-worker", "RUNNING,PENDING")
     logs = sorted((tmp_path / "jobs").glob("softclose-b-*.log"))

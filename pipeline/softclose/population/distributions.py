@@ -105,17 +105,28 @@ class Bounded:
 
     def shift_mean(self, delta: float) -> Bounded:
         """Eq. 14: Y' = (1 + delta/mean) Y. The mean moves by delta, the coefficient of variation stays."""
-        scale = 1.0 + delta / self.mean
-        if not scale > 0.0:
-            raise PopulationError(f"shift_mean is {delta:g}; it must stay above minus the mean, {-self.mean:g}")
+        scale = mean_scale(self.mean, delta)
         return replace(self, lower=scale * self.lower, upper=scale * self.upper)
 
     def scale_spread(self, factor: float) -> Bounded:
         """Eq. 15: Y'' = mean (1 - factor) + factor Y. The mean stays, the spread is multiplied by factor."""
-        if not (math.isfinite(factor) and factor >= 0.0):
-            raise PopulationError(f"repeatability is {factor:g}; Eq. 15 needs a factor of 0 or more (the paper's: 0.5)")
+        check_repeatability(factor)
         offset = self.mean * (1.0 - factor)
         return replace(self, lower=offset + factor * self.lower, upper=offset + factor * self.upper)
+
+
+def mean_scale(mean: float, delta: float) -> float:
+    """What Eq. 14 multiplies by. Raises PopulationError where it would move the mean to 0 or below."""
+    scale = 1.0 + delta / mean
+    if not scale > 0.0:
+        raise PopulationError(f"shift_mean is {delta:g}; it must stay above minus the mean, {-mean:g}")
+    return scale
+
+
+def check_repeatability(factor: float) -> None:
+    """Raise PopulationError unless Eq. 15 may multiply a spread by it."""
+    if not (math.isfinite(factor) and factor >= 0.0):
+        raise PopulationError(f"repeatability is {factor:g}; Eq. 15 needs a factor of 0 or more (the paper's: 0.5)")
 
 
 def portable(x: float) -> float:

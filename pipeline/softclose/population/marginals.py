@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from softclose.population.distributions import Bounded, FloatArray, PopulationError
+from softclose.population.distributions import Bounded, FloatArray, PopulationError, check_repeatability, mean_scale
 
 Parent = Literal["normal", "lognormal"]
 
@@ -158,15 +158,12 @@ class Truncated:
 
     def shift_mean(self, delta: float) -> Truncated:
         """Eq. 14: Y' = (1 + delta/mean) Y. The mean moves by delta, the coefficient of variation stays."""
-        scale = 1.0 + delta / self.mean
-        if not scale > 0.0:
-            raise PopulationError(f"shift_mean is {delta:g}; it must stay above minus the mean, {-self.mean:g}")
+        scale = mean_scale(self.mean, delta)
         return replace(self, offset=scale * self.offset, factor=scale * self.factor)
 
     def scale_spread(self, factor: float) -> Truncated:
         """Eq. 15: Y'' = mean (1 - factor) + factor Y. The mean stays, the spread is multiplied by factor."""
-        if not (math.isfinite(factor) and factor >= 0.0):
-            raise PopulationError(f"repeatability is {factor:g}; Eq. 15 needs a factor of 0 or more (the paper's: 0.5)")
+        check_repeatability(factor)
         return replace(self, offset=self.mean * (1.0 - factor) + factor * self.offset, factor=factor * self.factor)
 
 
@@ -230,15 +227,12 @@ class Empirical:
 
     def shift_mean(self, delta: float) -> Empirical:
         """Eq. 14: Y' = (1 + delta/mean) Y."""
-        scale = 1.0 + delta / self.mean
-        if not scale > 0.0:
-            raise PopulationError(f"shift_mean is {delta:g}; it must stay above minus the mean, {-self.mean:g}")
+        scale = mean_scale(self.mean, delta)
         return Empirical(values=tuple(scale * v for v in self.values))
 
     def scale_spread(self, factor: float) -> Empirical:
         """Eq. 15: Y'' = mean (1 - factor) + factor Y."""
-        if not (math.isfinite(factor) and factor >= 0.0):
-            raise PopulationError(f"repeatability is {factor:g}; Eq. 15 needs a factor of 0 or more (the paper's: 0.5)")
+        check_repeatability(factor)
         return Empirical(values=tuple(self.mean * (1.0 - factor) + factor * v for v in self.values))
 
 

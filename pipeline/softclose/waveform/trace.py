@@ -90,7 +90,7 @@ class Trace:
 
     def simplified(self, tolerance_volts: float = 1e-6) -> Trace:
         """The fewest of its samples, found greedily, whose lines meet all others to the tolerance [V]."""
-        t, u = self.times_us, self.volts
+        t, u = self.times_us.tolist(), self.volts.tolist()  # plain numbers: an array hands each out slowly
         kept, anchor = [0], 0
         low, high = -math.inf, math.inf
         for i in range(1, len(t)):
@@ -104,7 +104,7 @@ class Trace:
                 low, high = -math.inf, math.inf
             low, high = max(low, slope - tolerance_volts / run), min(high, slope + tolerance_volts / run)
         kept.append(len(t) - 1)
-        return Trace(t[kept], u[kept])
+        return Trace(self.times_us[kept], self.volts[kept])
 
 
 def read_trace(path: str | Path, *, time_unit: str | None = None, shift_us: float = 0.0, gain: float = 1.0) -> Trace:

@@ -240,14 +240,13 @@ def create_key(files: Store, key: str, content: bytes) -> bool:
         return True
 
 
-def key_version(files: Store, key: str) -> Version | None:
-    """A key and the name of its state; None where there is none, or where the store has no such names."""
-    return run_here(files.version(key), files) if isinstance(files, ServiceFiles) else None
+def key_version(files: ServiceFiles, key: str) -> Version | None:
+    """A key of an object store and the name of its state; None where there is none."""
+    return run_here(files.version(key), files)
 
 
-def replace_key(files: Store, key: str, content: bytes, tag: str) -> bool:
+def replace_key(files: ServiceFiles, key: str, content: bytes, tag: str) -> bool:
     """Write a key of an object store where it is still in the state `tag`; False where it is not."""
-    assert isinstance(files, ServiceFiles)
     return run_here(files.replace(key, content, tag), files)
 
 

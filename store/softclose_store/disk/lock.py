@@ -233,10 +233,12 @@ def lock_holder(path: StorePath) -> Holder | None:
     local = local_path(path)
     if local is None:
         files = open_files(path, read_only=True)
-        held = key_version(files, LOCK_KEY)
-        if held is not None and looks_expired(held):
-            return None
-        holder = Holder.parse(read_key(files, LOCK_KEY) if held is None else held.content)
+        if isinstance(files, ServiceFiles):
+            held = key_version(files, LOCK_KEY)
+            content = None if held is None or looks_expired(held) else held.content
+        else:
+            content = read_key(files, LOCK_KEY)
+        holder = Holder.parse(content)
         return None if holder is None or holder.is_dead else holder
     try:
         holder = Holder.parse((local / LOCK_KEY).read_bytes())

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from softclose.config import CampaignConfig, load_config
-from softclose.evaluate import N_PARAMETERS, judge, respond
+from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.waveform import Drive, Trace
 from softclose_store import GroupArray, StoreMissingError, open_campaign, store_state, write_group
-from softclose_workflows.analyses.certify import PART, check_size, fresh_switches
+from softclose_workflows.analyses.certify import check_size, simulate_fresh
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run import needs
 from softclose_workflows.tell.console import Step
@@ -83,22 +81,10 @@ def assess_trace(
     check_size(config, n_switches, 1)
     needs.check_fresh(n_switches, 2)
     chosen_seed = seed if seed is not None else best.seed if best is not None else config.campaign.seed
-    drives: list[tuple[Drive, int]] = [(trace, N_PARAMETERS)]
-    if best is not None:
-        drives.append((best.waveform, -1))
-    v = np.empty((len(drives), n_switches))
-    closed = np.empty(v.shape, dtype=np.bool_)
-    status = np.empty(v.shape, dtype=np.int8)
-    for begin in range(0, n_switches, PART):
-        rows = slice(begin, min(begin + PART, n_switches))
-        switches = fresh_switches(config, rows.stop - begin, seed=chosen_seed, start=begin)
-        for k, (drive, columns) in enumerate(drives):
-            own = switches if columns < 0 else switches[:, :columns]
-            found = respond(config, own, drive, threads=threads)
-            v[k, rows], closed[k, rows], status[k, rows] = found.max_contact_speed, found.closed, found.status
-        if listener is not None:
-            listener(rows.stop, n_switches)
-    judged = [Judged(max_contact_speed=v[k], closed=closed[k], status=status[k]) for k in range(len(drives))]
+    drives: list[Drive] = [trace] if best is None else [trace, best.waveform]
+    judged = simulate_fresh(
+        config, drives, n_switches=n_switches, seed=chosen_seed, untrimmed=[0], threads=threads, listener=listener
+    )
     assessments = [judge(config, j, fresh=True) for j in judged]
     return AssessedTrace(
         trace=trace,

@@ -8,7 +8,7 @@ draws, so Eq. 11 and its companions hold whatever the campaign's own sampling is
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, draw, respond
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Drive, FloatArray, Waveform
 from softclose_store import Campaign, DamageError, StoreMissingError, group_attributes, open_campaign
 from softclose_workflows.analyses.certificates import STREAM as STREAM
 from softclose_workflows.analyses.certificates import name_of, read_certificate, request_of, write_certificate
@@ -167,7 +167,7 @@ def fresh_switches(config: CampaignConfig, n: int, *, seed: int, start: int = 0)
 
 def simulate_fresh(
     config: CampaignConfig,
-    waveforms: list[Waveform],
+    waveforms: Sequence[Drive],
     *,
     n_switches: int,
     seed: int,

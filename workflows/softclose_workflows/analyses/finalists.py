@@ -7,13 +7,14 @@ what `softclose certify --switches` of that size would have written for them.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import objective_settings
 from softclose.metrics.objective import Judged
-from softclose.metrics.race import Lap, Race, race, sizes
+from softclose.metrics.race import Race, race, sizes
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certificates import write_certificate
@@ -91,17 +92,8 @@ def _named(result: Race, chosen: list[int]) -> Race:
     def names(places: tuple[int, ...]) -> tuple[int, ...]:
         return tuple(chosen[i] for i in places)
 
-    laps = (
-        Lap(
-            n_switches=lap.n_switches,
-            racing=names(lap.racing),
-            best=chosen[lap.best],
-            margin_cm_s=lap.margin_cm_s,
-            out=names(lap.out),
-        )
-        for lap in result.laps
-    )
-    return Race(laps=tuple(laps), tolerance_cm_s=result.tolerance_cm_s, confidence=result.confidence)
+    laps = (replace(lap, racing=names(lap.racing), best=chosen[lap.best], out=names(lap.out)) for lap in result.laps)
+    return replace(result, laps=tuple(laps))
 
 
 class _Track:

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from softclose_workflows.errors import EXIT_STOPPED, ExecutorError
-from softclose_workflows.run.executors.cluster_file import Cluster
+from softclose_workflows.run.executors.cluster_file import WALLTIME, Cluster
 
 WARNING_S = 90
 """How long before its walltime a driver is told to stop [s]: it finishes what is in flight."""
-
-_WALLTIME = re.compile(r"(?:\d+-)?(?:\d+:)?\d+:\d\d")
 
 _SCRIPT = """\
 #!/bin/bash
@@ -63,7 +61,7 @@ class DriverJob:
     """Jobs of one chain at most."""
 
     def __post_init__(self) -> None:
-        if not _WALLTIME.fullmatch(self.walltime):
+        if not WALLTIME.fullmatch(self.walltime):
             raise ExecutorError(f"--walltime is {self.walltime!r}; it must be hours:minutes:seconds, as 24:00:00")
         if self.turns < 1:
             raise ExecutorError(f"--turns is {self.turns}; it must be 1 or more")

@@ -22,7 +22,8 @@ PROJECT_KEY = {"slurm": "account", "pbs": "account", "lsf": "project", "sge": "p
 
 Text = Annotated[str, MinLen(1)]
 
-_WALLTIME = re.compile(r"(?:(\d+)-)?(?:(\d+):)?(\d+):(\d\d)")
+WALLTIME = re.compile(r"(?:(\d+)-)?(?:(\d+):)?(\d+):(\d\d)")
+"""Days, hours, minutes and seconds of a walltime."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid", strict=True))
@@ -67,7 +68,7 @@ class Cluster:
         """Seconds of the walltime."""
         if self.walltime is None:
             return None
-        found = _WALLTIME.fullmatch(self.walltime)
+        found = WALLTIME.fullmatch(self.walltime)
         if found is None:
             raise ConfigError(
                 f"cluster: walltime is {self.walltime!r}; it must be hours:minutes:seconds, e.g. 02:00:00"
