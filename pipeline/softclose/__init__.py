@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from softclose.ensemble import Responses as Responses
     from softclose.ensemble import Status as Status
     from softclose.ensemble import simulate as simulate
+    from softclose.losses import Losses as Losses
     from softclose.metrics.objective import Assessment as Assessment
     from softclose.metrics.objective import assess as assess
     from softclose.plugins import EngineError as EngineError
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from softclose.propose.protocol import Proposal as Proposal
     from softclose.propose.protocol import Wave as Wave
     from softclose.propose.protocol import WaveEngine as WaveEngine
+    from softclose.reduced_order import ReducedOrder as ReducedOrder
+    from softclose.reduced_order import read_reduced_order as read_reduced_order
     from softclose.waveform import Pulse as Pulse
     from softclose.waveform import Waveform as Waveform
 
@@ -49,17 +52,20 @@ _HOME = {
     "Engine": "propose.protocol",
     "EngineError": "plugins",
     "ModelError": "plugins",
+    "Losses": "losses",
     "Observation": "propose.protocol",
     "Population": "population",
     "Problem": "propose.protocol",
     "Proposal": "propose.protocol",
     "Pulse": "waveform",
+    "ReducedOrder": "reduced_order",
     "Responses": "ensemble",
     "Status": "ensemble",
     "Waveform": "waveform",
     "assess": "metrics.objective",
     "load_config": "config",
     "load_population": "population",
+    "read_reduced_order": "reduced_order",
     "simulate": "ensemble",
 }
 
@@ -71,6 +77,9 @@ __all__ = [  # noqa: RUF022 - the order a reader meets them in
     "simulate",
     "Responses",
     "Status",
+    "Losses",
+    "ReducedOrder",
+    "read_reduced_order",
     "assess",
     "Assessment",
     "CampaignConfig",

@@ -15,11 +15,13 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, field_vali
 from pydantic.dataclasses import dataclass
 
 from softclose.allowed import refusal
+from softclose.losses import Losses
 from softclose.naming import nearest
-from softclose.plugins import ENGINES, MODELS, EngineError, ModelError
+from softclose.plugins import ENGINES, MODELS, REDUCED_ORDER, SINGLE_MODE, EngineError, ModelError
 from softclose.population import Population, load_population
 from softclose.population.trim import Measured, Scaled, Trim
 from softclose.presets import PresetError, find_preset
+from softclose.reduced_order import ReducedOrder, read_reduced_order
 from softclose.waveform import LEAST_RISE_US, MIN_RISE_US, Waveform
 
 SETTINGS = ConfigDict(extra="forbid", strict=False, allow_inf_nan=False)
@@ -155,13 +157,35 @@ class ModelSection:
     """The device model: Eqs. 1-2 unless another one is named."""
 
     name: Annotated[str, Field(min_length=1)] = "single-mode"
-    """single-mode, or an installed entry point of group softclose.models."""
+    """single-mode, reduced-order (with `modes`), or an installed entry point of group softclose.models."""
     horizon_us: Annotated[float, Field(gt=0, le=MAX_HORIZON_US)] = 250.0
     """End of the simulated time [µs]."""
     restitution: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Coefficient of restitution η, in (0, 1]."""
     plate_area_um2: NotNegative = 0.0
     """Plate area a [µm²]; 0: the area that the population was fitted with, else 16,700."""
+    modes: str = ""
+    """reduced-order: the TOML file of its modes; `softclose run` writes it into the store."""
+    quality_factor: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    """single-mode: Q of the plate's own damping; 0: none."""
+    film_viscosity_uPa_s: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Viscosity of the film of gas that is squeezed out of the gap [µPa s]; 0: no film. Air has 18."""
+    film_length_um: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Longer side of the film [µm]; 0: that of a square of the plate's area."""
+    film_width_um: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Shorter side of the film [µm]; 0: that of a square of the plate's area."""
+    adhesion_uN: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    """Force with which a closed contact sticks [µN]: a release has to overcome it."""
+
+    def build_losses(self) -> Losses:
+        """Damping, film and adhesion."""
+        return Losses(
+            quality_factor=self.quality_factor,
+            film_viscosity_uPa_s=self.film_viscosity_uPa_s,
+            film_length_um=self.film_length_um,
+            film_width_um=self.film_width_um,
+            adhesion_uN=self.adhesion_uN,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -355,6 +379,9 @@ class StoreSection:
     """Sync every commit to the disk, against loss of power."""
 
 
+WRITTEN_OUT = ("population_model", "reduced_order_model")
+"""What no user writes: files, as they were read."""
+
 AREA_RANGE_UM2 = (1.0, 1e9)
 """Plates from a micrometre to three centimetres wide [µm²]."""
 
@@ -390,11 +417,14 @@ class CampaignConfig:
     store: StoreSection = Field(default_factory=StoreSection)
     population_model: dict[str, Any] = Field(default_factory=dict)
     """The population itself, written out in full, so that a store does not depend on a file elsewhere."""
+    reduced_order_model: dict[str, Any] = Field(default_factory=dict)
+    """The modes of `model.modes`, written out likewise."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
+        self._check_model()
         # Written out: a store says which area it was computed with, whatever a later version would choose.
         area = self.build_population().plate_area(self.model.plate_area_um2 or None)
         if not AREA_RANGE_UM2[0] <= area <= AREA_RANGE_UM2[1]:
@@ -452,6 +482,29 @@ class CampaignConfig:
                 f"use {math.ceil(n / MAX_BLOCKS)} or more, or 0"
             )
         return self
+
+    def _check_model(self) -> None:
+        m = self.model
+        if m.name == REDUCED_ORDER:
+            if not self.reduced_order_model:
+                if not m.modes:
+                    raise ValueError("model.name is reduced-order: give model.modes, the TOML file of its modes")
+                modes = read_reduced_order(m.modes).to_dict()
+                object.__setattr__(self, "reduced_order_model", modes)
+            self.build_reduced_order()
+        elif m.modes or self.reduced_order_model:
+            raise ValueError(f"model.modes is {m.modes!r}, and model.name {m.name!r} has none: use reduced-order")
+        losses = m.build_losses()
+        if m.name not in (SINGLE_MODE, REDUCED_ORDER) and not losses.none:
+            raise ValueError(
+                f"model.name {m.name!r} has its own losses: leave quality_factor, film_* and adhesion_uN 0"
+            )
+        if m.name == REDUCED_ORDER and m.quality_factor:
+            raise ValueError("model.quality_factor belongs to single-mode: give each [[mode]] its quality_factor")
+
+    def build_reduced_order(self) -> ReducedOrder:
+        """The modes, from their stored description."""
+        return ReducedOrder.from_dict(self.reduced_order_model)
 
     def _check_extensions(self) -> None:
         if self.campaign.extensions and self.total_budget > MAX_COUNT:
@@ -604,7 +657,7 @@ def canonical_json(data: Mapping[str, Any]) -> str:
 
 def known_keys() -> dict[str, tuple[str, ...]]:
     """Section name -> its keys, for messages and the reference documentation."""
-    sections = {f.name: f.type for f in fields(CampaignConfig) if f.name != "population_model"}
+    sections = {f.name: f.type for f in fields(CampaignConfig) if f.name not in WRITTEN_OUT}
     by_name = {cls.__name__: cls for cls in _SECTIONS}
     return {name: tuple(f.name for f in fields(by_name[str(kind)])) for name, kind in sections.items()}
 
@@ -655,11 +708,15 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
         data = read_toml(where)
     for override in _texts(overrides):
         _apply(data, override)
-    name = data.get("population", {}).get("name") if isinstance(data.get("population"), dict) else None
-    if where is not None and isinstance(name, str) and name.endswith(".toml") and not Path(name).is_absolute():
-        beside = where.parent / name
-        if beside.exists():
-            data["population"]["name"] = str(beside)
+    for section, key in (("population", "name"), ("model", "modes")):
+        table = data.get(section)
+        if not isinstance(table, dict):
+            continue
+        name = table.get(key)
+        if where is not None and isinstance(name, str) and name.endswith(".toml") and not Path(name).is_absolute():
+            beside = where.parent / name
+            if beside.exists():
+                table[key] = str(beside)
     config = _validate(data)
     try:
         config.check_plugins()
@@ -734,7 +791,7 @@ def _refuse_unknown(data: Mapping[str, Any]) -> None:
     known = known_keys()
     problems = []
     for section, table in data.items():
-        if section == "population_model":
+        if section in WRITTEN_OUT:
             continue
         if section not in known:
             problems.append(_unknown("section", section, known))

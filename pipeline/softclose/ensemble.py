@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.kernel import dispatch
+from softclose.losses import Losses
+from softclose.reduced_order import ReducedOrder
 from softclose.waveform import MAX_VOLTS, Trace, Waveform
 
 if TYPE_CHECKING:
@@ -60,6 +62,8 @@ class Responses:
     """(n, max_impacts) instants of the first impacts [µs], padded with NaN."""
     impact_speed: FloatArray | None = None
     """(n, max_impacts) their speeds just before contact [µm/µs], padded with NaN."""
+    mode_peak_um: FloatArray | None = None
+    """(n, n_modes) largest displacement of the contact by each mode until the first impact [µm]; None of Eqs. 1-2."""
     times_us: FloatArray | None = None
     """(n_time,) instants of x and v [µs]."""
     x: NDArray[Any] | None = None
@@ -91,6 +95,7 @@ _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "status": ((), "1", "outcome of the integration; 0: ok"),
     "impact_time_us": (("impact",), "µs", "instants of the first impacts"),
     "impact_speed": (("impact",), "µm/µs", "speeds just before them"),
+    "mode_peak_um": (("mode",), "µm", "largest displacement by each mode until the first impact"),
     "x": (("time",), "µm", "travel"),
     "v": (("time",), "µm/µs", "velocity"),
 }
@@ -113,8 +118,10 @@ def simulate(
     max_volts: float = MAX_VOLTS,
     v_stick: float = 1e-5,
     max_steps: int = dispatch.MAX_STEPS,
+    losses: Losses | None = None,
+    modes: ReducedOrder | None = None,
 ) -> Responses:
-    """Integrate Eqs. 1-2 for every switch under one waveform.
+    """Integrate Eqs. 1-2 for every switch under one waveform; with losses or several modes, what takes their place.
 
     Row i depends on switches[i] and the settings only: not on other rows, on threads, or on which outputs are wanted.
     Never raises for a switch that cannot be integrated: see `Responses.status`.
@@ -149,6 +156,10 @@ def simulate(
         Rebound speed [µm/µs] below which a pressed switch is held (SPEC §2).
     max_steps : int
         Work limit per switch.
+    losses : Losses, optional
+        Damping, film of gas and adhesion. Any of them is integrated by the method of several modes, whatever `method`.
+    modes : ReducedOrder, optional
+        The modes of the switch: K and M are those of the first, with the others in proportion.
 
     Returns
     -------
@@ -181,6 +192,12 @@ def simulate(
         raise SimulationError(f"dtype is {dtype!r}; x and v can be written as numpy.float32 or numpy.float64")
     times = np.zeros(0) if times_us is None else _check_times(times_us, horizon)
     n_events = _count("max_impacts", max_impacts, 0)
+    if losses is not None and not isinstance(losses, Losses):
+        raise SimulationError(f"losses is a {type(losses).__name__}; it must be a softclose.Losses")
+    if modes is not None and not isinstance(modes, ReducedOrder):
+        raise SimulationError(f"modes is a {type(modes).__name__}; it must be a softclose.ReducedOrder")
+    if modes is not None:
+        _check_reach(modes, table)
     out = dispatch.run(
         table,
         waveform,
@@ -195,6 +212,8 @@ def simulate(
         dtype=dtype,
         v_stick=stick,
         max_steps=_count("max_steps", max_steps, 1),
+        losses=losses if losses is not None else Losses(),
+        modes=modes,
     )
     sampled, n = times_us is not None, len(table)
     return Responses(
@@ -206,12 +225,32 @@ def simulate(
         closed=out.closed,
         n_impacts=out.n_impacts,
         status=out.status,
+        mode_peak_um=out.peaks,
         impact_time_us=out.impact_time[:n] if n_events else None,
         impact_speed=out.impact_speed[:n] if n_events else None,
         times_us=times if sampled else None,
         x=(out.x if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
         v=(out.v if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
     )
+
+
+def _check_reach(modes: ReducedOrder, table: FloatArray) -> None:
+    """The electrode stays within its gap, and within the table of the capacitance, where the contact is made."""
+    unit = modes.mode[0].electrode / modes.mode[0].contact
+    at_contact = unit * table[:, 0]
+    if (at_contact >= table[:, 1]).any():
+        i = int((at_contact / table[:, 1]).argmax())
+        raise SimulationError(
+            f"switches row {i}: mode 1 takes the electrode to {at_contact[i]:g} µm at contact, through its gap of "
+            f"{table[i, 1]:g} µm: check the participations of mode 1"
+        )
+    c = modes.capacitance
+    if c is not None and c.travel_um and (at_contact / table[:, 1]).max() > c.travel_um[-1] / c.gap_um:
+        i = int((at_contact / table[:, 1]).argmax())
+        raise SimulationError(
+            f"switches row {i} closes at {at_contact[i] / table[i, 1]:.3f} of its gap, and the capacitance's table "
+            f"ends at {c.travel_um[-1] / c.gap_um:.3f}: give it up to there"
+        )
 
 
 def _check_switches(switches: ArrayLike) -> FloatArray:

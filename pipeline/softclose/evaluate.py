@@ -18,7 +18,7 @@ from softclose.amplifier import deliver
 from softclose.device import load_model
 from softclose.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of, step
 from softclose.metrics.objective import Assessment, Response, assess
-from softclose.plugins import SINGLE_MODE
+from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Sampling
 from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
 from softclose.waveform import Drive, FloatArray, Trace, Waveform, WaveformError
@@ -111,11 +111,20 @@ def respond(
         plate_area_um2=model.plate_area_um2,
         rtol=compute.rtol,
         method=compute.method,
-        **{"horizon_us": model.horizon_us, "max_volts": max_volts} | outputs,
+        **{"horizon_us": model.horizon_us, "max_volts": max_volts} | own_settings(config) | outputs,
     )
     found = _responses(config, simulate, switches, waveform, max_volts=max_volts, times_us=outputs.get("times_us"))
     limit = config.objective.closed_by_us
     return replace(found, closed=found.closed & (found.settling_us <= limit)) if limit else found
+
+
+def own_settings(config: CampaignConfig) -> dict[str, Any]:
+    """What only the shipped models take: losses where there are any, and modes."""
+    losses = config.model.build_losses()
+    settings: dict[str, Any] = {} if losses.none else {"losses": losses}
+    if config.model.name == REDUCED_ORDER:
+        settings["modes"] = config.build_reduced_order()
+    return settings
 
 
 def _responses(
@@ -137,7 +146,7 @@ def _responses(
         )
     waveform.check(max_volts, model.horizon_us)
     scales, plain = drive_scales(config, switches, waveform), switches[:, :N_PARAMETERS]
-    if model.name == SINGLE_MODE:
+    if model.name == SINGLE_MODE and model.build_losses().none:  # only Eqs. 1-2 scale
         return by_equal_switches(simulate, plain, waveform, scales)
     anything = partial(simulate, max_volts=math.inf)
     return drive_by_drive(anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=times_us)

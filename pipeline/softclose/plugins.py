@@ -85,6 +85,9 @@ ENGINES = Plugin(
 SINGLE_MODE = "single-mode"
 """The model of Eqs. 1-2, `softclose.simulate`."""
 
+REDUCED_ORDER = "reduced-order"
+"""Several modes: `softclose.simulate` with those of the campaign."""
+
 MEASURED = "measured"
 """No model: a generator drives devices, and somebody measures how they close."""
 
@@ -92,7 +95,11 @@ MODELS = Plugin(
     what="device model",
     group="softclose.models",
     key="model.name",
-    shipped={SINGLE_MODE: "softclose.ensemble:simulate", MEASURED: "softclose.device:measured"},
+    shipped={
+        SINGLE_MODE: "softclose.ensemble:simulate",
+        REDUCED_ORDER: "softclose.ensemble:simulate",
+        MEASURED: "softclose.device:measured",
+    },
     error=ModelError,
 )
 """Whatever answers a waveform; see `softclose.device.DeviceModel`."""

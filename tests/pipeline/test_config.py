@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 from softclose.config import CampaignConfig, ConfigError, canonical_json, known_keys, load_config
+from softclose.evaluate import respond
 from softclose.plugins import EngineError
 from softclose.propose.protocol import Problem
+from softclose.waveform import Pulse, Waveform
 
 
 def test_defaults_follow_from_an_empty_file() -> None:
@@ -69,6 +72,11 @@ def test_the_population_is_part_of_the_configuration(tmp_path: Path) -> None:
         ("waveform.initial=[[[0,4,3,160]]]", "reaches 160 V; .* may not exceed 150 V"),
         ("model.horizon_us=inf", "finite"),
         ("compute.block_switches=1", "2000 blocks; at most 256"),
+        ("model.name=reduced-order", "give model.modes, the TOML file of its modes"),
+        ("model.modes=plate.toml", "has none: use reduced-order"),
+        ("model.quality_factor=-2", "model.quality_factor is -2; it must be a finite number from 0 to 1e.09"),
+        ("model.quality_factor=0.01", "0 .no damping. or 0.1 and more"),
+        ("model.film_width_um=3", "both film_length_um and film_width_um"),
         ("campaign=3", "not of the form section.key=value"),
     ],
 )
@@ -194,3 +202,27 @@ def test_a_device_with_a_faster_second_mode_may_have_faster_edges() -> None:
     assert 1.5 <= min(rises) < 2.5
     slower = load_config("current", ["waveform.min_rise_us=8", "waveform.initial=[[[0,4.5,3,100]]]"])
     assert slower.waveform.least_rise_us == 4.0
+
+
+def test_the_modes_are_written_out_and_their_file_is_needed_no_more(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text("[[mode]]\nfrequency_kHz = 20\n[[mode]]\nfrequency_kHz = 90\nelectrode = 0.3\n")
+    (tmp_path / "campaign.toml").write_text('[model]\nname = "reduced-order"\nmodes = "own.toml"\n')
+    config = load_config(tmp_path / "campaign.toml")
+    (tmp_path / "own.toml").unlink()
+    again = CampaignConfig.from_dict(config.to_dict())
+    assert again == config
+    assert [m.frequency_kHz for m in again.build_reduced_order().mode] == [20.0, 90.0]
+    other = config.to_dict()
+    other["reduced_order_model"]["mode"][1]["electrode"] = 0.2
+    assert CampaignConfig.from_dict(other).fingerprint() != config.fingerprint()
+
+
+def test_losses_reach_every_evaluation() -> None:
+    waveform = Waveform([Pulse(0, 4, math.inf, 100)])
+    switches = load_config({}).build_population().sample(20, seed=1)
+    plain = respond(load_config({}), switches, waveform)
+    damped = respond(load_config({}, ["model.quality_factor=5"]), switches, waveform)
+    assert (damped.max_contact_speed < 0.99 * plain.max_contact_speed).all()
+    modes = respond(load_config("current-two-modes"), switches, waveform)
+    assert modes.mode_peak_um is not None
+    assert modes.mode_peak_um.shape == (20, 2)

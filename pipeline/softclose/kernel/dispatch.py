@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from softclose.kernel import pieces as drive_pieces
 from softclose.kernel import rk, taylor
+from softclose.losses import Losses
 from softclose.plate import EPSILON_0
+from softclose.reduced_order import Mode, ReducedOrder
 from softclose.waveform import Trace, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -35,6 +37,8 @@ class KernelOutput:
     impact_speed: FloatArray
     x: NDArray[Any]
     v: NDArray[Any]
+    peaks: FloatArray | None = None
+    """(n, n_modes) largest displacement by each mode until the first impact [µm]."""
 
 
 def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
@@ -44,6 +48,36 @@ def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
     out[:, 2] = EPSILON_0 * 1e6 * plate_area_um2 / (2000.0 * switches[:, 3])
     out[:, 3] = switches[:, 2] / (1000.0 * switches[:, 3])
     return out
+
+
+ONE_MODE = ReducedOrder(mode=(Mode(frequency_kHz=20.0),))
+"""Eqs. 1-2: a lot's K and M say everything of one mode."""
+
+
+def modal_devices(switches: FloatArray, plate_area_um2: float, losses: Losses, modes: ReducedOrder) -> FloatArray:
+    """(n, 8) of `modal.run_block`."""
+    out = np.empty((len(switches), 8))
+    out[:, :2] = switches[:, :2]
+    out[:, 2] = 0.5e3 * EPSILON_0 * plate_area_um2
+    out[:, 3] = losses.film(plate_area_um2)
+    out[:, 4] = 1e-3 * losses.adhesion_uN
+    out[:, 5] = switches[:, 3]
+    out[:, 6] = 1e-3 * switches[:, 2]
+    out[:, 7] = modes.capacitance.gap_um / switches[:, 1] if modes.capacitance else 1.0
+    return out
+
+
+def _ratios(modes: ReducedOrder, losses: Losses) -> FloatArray:
+    ratios = modes.ratios()
+    if losses.quality_factor:
+        ratios[:, 2] = 1.0 / losses.quality_factor
+    return ratios
+
+
+def _contact(modes: ReducedOrder) -> FloatArray:
+    """(3,) stiffness [mN/µm^exponent], exponent, loss; 0 stiffness: rigid."""
+    c = modes.contact
+    return np.zeros(3) if c is None else np.array([1e-3 * c.stiffness_N_per_m, c.exponent, c.loss_us_per_um])
 
 
 def run(
@@ -61,6 +95,8 @@ def run(
     dtype: type[Any],
     v_stick: float,
     max_steps: int,
+    losses: Losses,
+    modes: ReducedOrder | None,
 ) -> KernelOutput:
     """Integrate every switch. Inputs are valid already (`ensemble.simulate`). Each switch is computed on its own."""
     n = len(switches)
@@ -77,19 +113,36 @@ def run(
         x=np.empty((n_rows, len(times_us)), dtype=dtype),
         v=np.empty((n_rows, len(times_us)), dtype=dtype),
     )
-    table = devices(switches, plate_area_um2)
+    n_modes = 0
+    several = modes is not None or not losses.none
+    if several:
+        modes = modes or ONE_MODE
+        n_modes = len(modes.mode)
+        peaks = np.empty((n, n_modes))
+        out = replace(out, peaks=peaks)
+        knots, slopes = modes.capacitance.slope() if modes.capacitance else (np.zeros(0), np.zeros((1, 0)))
+        table = modal_devices(switches, plate_area_um2, losses, modes)
+        leading: tuple[Any, ...] = (table, _ratios(modes, losses), _contact(modes), knots, slopes)
+    else:
+        leading = (devices(switches, plate_area_um2),)
     samples: tuple[NDArray[Any], ...] = (out.x, out.v)
     block = rk.run_block
-    if method == "taylor":
+    if several:
+        from softclose.kernel import modal
+
+        block = modal.block(n_modes)
+        samples = (out.x, out.v, peaks)
+    elif method == "taylor":
         block = taylor.run_block
         unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
         samples = (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
 
     def work(lo: int, hi: int) -> None:
+        scratch = (np.zeros((26, max(7, 2 * n_modes))),) if several else ()
         block(
             lo,
             hi,
-            table,
+            *leading,
             pieces,
             n_ramps,
             ramps,
@@ -105,6 +158,7 @@ def run(
             out.impact_time,
             out.impact_speed,
             *samples,
+            *scratch,
         )
 
     threads = min(threads, n)

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numba import njit
-from numba.core.options import DefaultOptions
 
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
 from softclose.kernel.pieces import voltage
@@ -30,16 +29,13 @@ from softclose.kernel.series import (
     flight_time,
     sample,
 )
-from softclose.kernel.source import fingerprint
+from softclose.kernel.source import UNCOUNTED, fingerprint
 
 WORK_LIMIT = 1
 _SAFETY = 4.0
 """The last terms kept may be this much above the tolerance [1 µm/µs]: the first ones dropped are a quarter of them."""
 _RELEASE_STEP_US = 0.5
 _NO_BOUNCE = (0.0,) * TERMS
-# The kernel allocates nothing, yet numba would count references to its arrays: 5-15 % of the time. The option is
-# private, hence asked for only where it exists.
-_UNCOUNTED: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
 _ONE_BITS = int(np.float64(1.0).view(np.int64))
 
 
@@ -288,7 +284,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
 
 
 def _build(source: int) -> Callable[..., None]:
-    @njit(cache=True, nogil=True, error_model="numpy", **_UNCOUNTED)
+    @njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
         lo,
         hi,

@@ -6,7 +6,7 @@ import numpy as np
 
 from softclose.config import CampaignConfig
 from softclose.plate import closing_voltage
-from softclose.plugins import SINGLE_MODE
+from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.waveform import MIN_RISE_US
 
 _N = 4096
@@ -15,6 +15,8 @@ _N = 4096
 
 def forewarnings(config: CampaignConfig) -> list[str]:
     """One sentence for each thing that a person should know before the campaign runs."""
+    if config.model.name == REDUCED_ORDER:
+        return _ringing(config)
     if config.model.name != SINGLE_MODE:
         return []  # pull-in is a notion of Eqs. 1-3; another model may have none
     return [*_fast_edges(config.waveform.min_rise_us), *_low_limit(config)]
@@ -27,6 +29,16 @@ def _fast_edges(rise_us: float) -> list[str]:
         f"waveform.min_rise_us is {rise_us:g} µs: edges that fast may excite modes that Eqs. 1-2 leave out (the paper "
         f"keeps {MIN_RISE_US:g} µs for its plate, whose modes are at 20 and 70 kHz); make sure that your device's "
         "second mode allows it"
+    ]
+
+
+def _ringing(config: CampaignConfig) -> list[str]:
+    rise, least = config.waveform.min_rise_us, config.build_reduced_order().least_rise_us
+    if rise >= least:
+        return []
+    return [
+        f"waveform.min_rise_us is {rise:g} µs: only from {least:.3g} µs on an edge leaves at most a tenth of a step's "
+        "ringing in the second mode; the search sees that mode, so a shorter one is no mistake"
     ]
 
 
