@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from softclose.population.population import index_uniforms
 from softclose.waveform import FloatArray, Trace, Waveform
 
 if TYPE_CHECKING:
     from softclose.config import AmplifierSection
+
+_STREAM = 7_200_000
+"""Added to an ensemble's stream: a drive's errors are independent of its switch."""
 
 TOLERANCE_VOLTS = 1e-2
 """Samples of a delivered waveform that lines through the others meet to this are left out [V]: V moves by
@@ -85,3 +89,16 @@ def _low_pass(a: AmplifierSection, u: FloatArray) -> FloatArray:
         num, den = [1.0], [1.0 / natural**2, 2.0 * z / natural, 1.0]
     b, c, _ = cont2discrete((num, den), a.step_us, method="foh")
     return np.asarray(lfilter(np.atleast_1d(np.squeeze(b)), c, u))
+
+
+def scattered(amplifier: AmplifierSection, n: int, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
+    """(n, 2) voltage and time scale of the drives of switches `start` to `start + n`: normal about 1.
+
+    The same for every candidate (common random numbers), independent of the switches; row i depends on
+    (seed, stream, start + i) and nothing else.
+    """
+    from scipy.special import ndtri
+
+    uniforms = index_uniforms(n, seed=seed, start=start, stream=_STREAM + stream)[:, :2]
+    errors = np.array([amplifier.gain_error, amplifier.time_error]) * ndtri(np.clip(uniforms, 1e-12, 1.0 - 1e-12))
+    return np.asarray(np.maximum(1.0 + errors, 0.05))

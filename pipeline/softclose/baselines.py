@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.ensemble import simulate
-from softclose.plate import holding_voltage, stiffness
+from softclose.plate import holding_voltage
 from softclose.population import Population
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
@@ -37,7 +37,7 @@ def largest_holding_voltage(population: Population, plate_area_um2: float | None
     gap = population.G.upper
     # K D (G - D)² grows with K and G, and with D up to G/3.
     travel = min(max(gap / 3.0, population.D.lower), population.D.upper)
-    k = float(stiffness(population.E.upper, population.T.upper))
+    k = float(population.extremes()[0].max())
     return float(holding_voltage([travel, gap, k, 1.0], population.plate_area(plate_area_um2)))
 
 

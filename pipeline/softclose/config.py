@@ -145,11 +145,27 @@ class AmplifierSection:
     """Time between two voltages of the generator, each of which is held [µs]; 0: none."""
     step_us: Annotated[float, Field(gt=0, le=1)] = 0.05
     """Step in which all this is computed [µs]."""
+    gain_error: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    """Relative standard deviation of the gain from one switch's drive to the next."""
+    time_error: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    """Relative standard deviation of the generator's clock from one switch's drive to the next."""
 
     @property
     def is_ideal(self) -> bool:
-        """Whether what is commanded is what is delivered."""
-        return self == AmplifierSection(step_us=self.step_us, order=self.order, damping=self.damping)
+        """Whether what is commanded is what is delivered, random errors aside."""
+        plain = AmplifierSection(
+            step_us=self.step_us,
+            order=self.order,
+            damping=self.damping,
+            gain_error=self.gain_error,
+            time_error=self.time_error,
+        )
+        return self == plain
+
+    @property
+    def scatters(self) -> bool:
+        """Whether drives differ at random from one switch to the next."""
+        return self.gain_error > 0.0 or self.time_error > 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -451,7 +467,7 @@ class CampaignConfig:
                 f"waveform.min_rise_us is {self.waveform.min_rise_us:g}; no pulse would be up before model.horizon_us "
                 f"{self.model.horizon_us:g}: lower it, or raise the horizon"
             )
-        if self.trim.measured != "nothing" and not self.amplifier.is_ideal:
+        if self.trim.measured != "nothing" and (self.amplifier.scatters or not self.amplifier.is_ideal):
             raise ValueError(
                 f"trim.measured is {self.trim.measured!r} and [amplifier] is set: what it delivers of a scaled drive "
                 "is no scaled drive; leave one of them out"

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softclose.amplifier import deliver
+from softclose.amplifier import deliver, scattered
 from softclose.device import load_model
 from softclose.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of, step
 from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Sampling
+from softclose.population.trim import Scales
 from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
 from softclose.waveform import Drive, FloatArray, Trace, Waveform, WaveformError
 
@@ -42,11 +43,14 @@ def draw(
 ) -> FloatArray:
     """Switches `start` to `start + n` of an ensemble of the campaign's lot.
 
-    Returns (n, 4) float64 D, G [µm], K [N/m], M [µg]; where drives are trimmed (n, 6), voltage and time scale besides.
+    Returns (n, 4) float64 D, G [µm], K [N/m], M [µg]; where drives are trimmed, or the amplifier's scatter, (n, 6),
+    voltage and time scale besides.
     Row i depends on (seed, stream, start + i) and nothing else.
     """
     switches = config.build_population().sample(n, seed=seed, sampling=sampling, start=start, stream=stream)
     trim = config.build_trim()
+    if trim is None and config.amplifier.scatters:
+        return np.column_stack([switches, scattered(config.amplifier, n, seed=seed, start=start, stream=stream)])
     if trim is None:
         return switches
     if trim.measured == "contact times":
@@ -127,6 +131,11 @@ def own_settings(config: CampaignConfig) -> dict[str, Any]:
     return settings
 
 
+def equal_switches(config: CampaignConfig) -> bool:
+    """Whether a scaled drive is the common one on another switch: Eqs. 1-2 scale, losses and further modes do not."""
+    return config.model.name == SINGLE_MODE and config.model.build_losses().none
+
+
 def _responses(
     config: CampaignConfig,
     simulate: Simulate,
@@ -138,15 +147,19 @@ def _responses(
 ) -> Responses:
     """Every switch under its own drive, where the campaign trims, or under the waveform."""
     model = config.model
-    if switches.shape[1] == N_PARAMETERS or config.trim.measured == "nothing":
+    if switches.shape[1] == N_PARAMETERS or (config.trim.measured == "nothing" and not config.amplifier.scatters):
         return simulate(switches[:, :N_PARAMETERS], waveform)
+    if config.amplifier.scatters and equal_switches(config):  # whatever the drive's form
+        scales = Scales(voltage=switches[:, N_PARAMETERS], time=switches[:, N_PARAMETERS + 1])
+        return by_equal_switches(simulate, switches[:, :N_PARAMETERS], waveform, scales)
     if isinstance(waveform, Trace):
         raise WaveformError(
-            "a sampled drive is not scaled for a switch: simulate it as it is, on columns D, G, K and M"
+            "a sampled drive is not scaled for a switch: simulate it as it is, on columns D, G, K and M (an "
+            "[amplifier] that scatters goes with single-mode only, or without bandwidth, slew limit, offset and delay)"
         )
     waveform.check(max_volts, model.horizon_us)
     scales, plain = drive_scales(config, switches, waveform), switches[:, :N_PARAMETERS]
-    if model.name == SINGLE_MODE and model.build_losses().none:  # only Eqs. 1-2 scale
+    if equal_switches(config):
         return by_equal_switches(simulate, plain, waveform, scales)
     anything = partial(simulate, max_volts=math.inf)
     return drive_by_drive(anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=times_us)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softclose.population.trim import Scales, effective, limited
-from softclose.waveform import FloatArray, Pulse, Waveform
+from softclose.waveform import Drive, FloatArray, Pulse, Waveform
 
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig
@@ -47,7 +47,7 @@ def scaled(waveform: Waveform, voltage: float, time: float) -> Waveform:
     )
 
 
-def by_equal_switches(simulate: Simulate, switches: FloatArray, waveform: Waveform, scales: Scales) -> Responses:
+def by_equal_switches(simulate: Simulate, switches: FloatArray, waveform: Drive, scales: Scales) -> Responses:
     """For Eqs. 1-2: the responses of the switches that the common waveform moves alike, in these ones' times and
     speeds. Sampled travels and speeds are those at b times the instants asked for."""
     found = simulate(effective(switches, scales), waveform)

@@ -14,7 +14,7 @@ from scipy import signal
 from softclose import Pulse, Waveform
 from softclose.amplifier import TOLERANCE_VOLTS, deliver
 from softclose.config import AmplifierSection, CampaignConfig, ConfigError, load_config
-from softclose.evaluate import respond
+from softclose.evaluate import draw, respond
 from softclose.waveform import Trace, WaveformError
 
 STEP = Waveform([Pulse(0.0, 0.0, math.inf, 100.0)])
@@ -134,3 +134,50 @@ def test_what_no_amplifier_has_is_named(setting: str, said: str) -> None:
 def test_trim_and_an_amplifier_exclude_each_other() -> None:
     with pytest.raises(ConfigError, match="leave one of them out"):
         load_config("current-trim", ["amplifier.bandwidth_kHz=60"])
+
+
+SCATTER = ["amplifier.gain_error=0.01", "amplifier.time_error=0.005", "population.n_switches=300"]
+
+
+def test_random_errors_of_the_drive_are_those_of_each_switch_s_own_waveform() -> None:
+    config = load_config({}, SCATTER)
+    lot = draw(config, 40, seed=5)
+    assert lot.shape == (40, 6)
+    found = respond(config, lot, DRIVE)
+    plain = load_config({})
+    for i in (0, 7, 39):
+        a, b = lot[i, 4:]
+        own = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
+        alone = respond(plain, lot[i : i + 1, :4], own)
+        np.testing.assert_allclose(found.max_contact_speed[i], alone.max_contact_speed[0], rtol=1e-6, equal_nan=True)
+
+
+def test_random_errors_are_common_to_all_candidates_and_keyed_by_the_switch() -> None:
+    config = load_config({}, SCATTER)
+    whole = draw(config, 3000, seed=5)
+    np.testing.assert_array_equal(draw(config, 10, seed=5, start=20), whole[20:30])
+    np.testing.assert_array_equal(draw(load_config({}), 3000, seed=5), whole[:, :4])
+    np.testing.assert_allclose(whole[:, 4:].std(axis=0), [0.01, 0.005], rtol=0.05)
+    assert abs(np.corrcoef(whole[:, 4], whole[:, 2])[0, 1]) < 0.06
+
+
+def test_random_errors_reach_a_delivered_drive_and_a_model_of_losses() -> None:
+    switches = draw(load_config({}, SCATTER), 12, seed=5)
+    filtered = load_config({}, [*SCATTER, "amplifier.bandwidth_kHz=80"])
+    alone = respond(load_config({}, ["amplifier.bandwidth_kHz=80"]), switches[:, :4], DRIVE)
+    scatter = respond(filtered, switches, DRIVE).max_contact_speed
+    assert (np.abs(scatter / alone.max_contact_speed - 1.0) > 1e-4).all()
+    damped = load_config({}, [*SCATTER, "model.quality_factor=30"])
+    found = respond(damped, switches, DRIVE)
+    a, b = switches[3, 4:]
+    own = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
+    one = respond(load_config({}, ["model.quality_factor=30", f"model.horizon_us={250 * b}"]), switches[3:4, :4], own)
+    assert found.final_x[3] == pytest.approx(one.final_x[0], rel=1e-9)
+    both = load_config({}, [*SCATTER, "model.quality_factor=30", "amplifier.bandwidth_kHz=80"])
+    with pytest.raises(WaveformError, match="without bandwidth"):
+        respond(both, switches, DRIVE)
+
+
+def test_trim_and_random_errors_exclude_each_other() -> None:
+    with pytest.raises(ConfigError, match="leave one of them out"):
+        load_config({}, [*SCATTER, "trim.measured=pull-in"])

@@ -18,13 +18,15 @@ from softclose.naming import did_you_mean
 from softclose.plate import A1, mass, stiffness
 from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError, portable
+from softclose.population.laws import LAWS, OWN
 from softclose.population.marginals import Empirical, Marginal, Truncated
-from softclose.population.population import VARIABLES, Population
+from softclose.population.population import Population
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
 
-_TOP = ("name", "description", "plate_area_um2", "base", *VARIABLES, "correlation", "targets", "transform")
+_VARIABLES = ("D", "G", *dict.fromkeys(OWN))
+_TOP = ("name", "description", "plate_area_um2", "base", *_VARIABLES, "correlation", "targets", "transform")
 _TARGETS = ("mean_M_ug", "mean_K_N_per_m")
 _TRANSFORMS = ("shift_mean", "repeatability")
 _KEYS = {
@@ -117,11 +119,13 @@ def _read(source: str | Path, seen: tuple[str, ...]) -> Population:
 
 def _build(data: Mapping[str, Any], base: Population | None) -> Population:
     _known(data, _TOP, "")
-    known: dict[str, Marginal] = {} if base is None else {v: getattr(base, v) for v in VARIABLES}
+    known: dict[str, Marginal] = {} if base is None else dict(zip(base.variables, base.marginals(), strict=True))
     open_nominal: dict[str, float] = {}
-    for v in VARIABLES:
+    pair = _pair(data, base)
+    known = {v: marginal for v, marginal in known.items() if v in ("D", "G", *pair)}
+    for v in ("D", "G", *pair):
         if v not in data:
-            if base is None:
+            if v not in known:
                 raise PopulationError(f"[{v}] is missing; give D, G, E and T, or a base that has them")
             continue
         parsed = _variable(v, _table(data, v))
@@ -132,7 +136,7 @@ def _build(data: Mapping[str, Any], base: Population | None) -> Population:
     if open_nominal or "targets" in data:
         _solve_nominals(known, open_nominal, _table(data, "targets") if "targets" in data else {})
     transform = _table(data, "transform") if "transform" in data else {}
-    _known(transform, VARIABLES, "transform")
+    _known(transform, known, "transform")
     for v in transform:
         change = _table(transform, v)
         _known(change, _TRANSFORMS, f"transform.{v}")
@@ -157,14 +161,26 @@ def _build(data: Mapping[str, Any], base: Population | None) -> Population:
     )
 
 
+def _pair(data: Mapping[str, Any], base: Population | None) -> tuple[str, str]:
+    """The variables beside D and G: those of the file's own, else those of its base."""
+    own = [v for v in dict.fromkeys(OWN) if v in data]
+    fitting = [pair for pair in LAWS if all(v in pair for v in own)]
+    inherited = base.law.variables if base is not None else ("E", "T")
+    if not fitting:
+        pairs = ", ".join(" and ".join(pair) for pair in LAWS)
+        given = ", ".join(f"[{v}]" for v in own)
+        raise PopulationError(f"{given} do not go together; beside D and G give one pair of {pairs}")
+    return inherited if inherited in fitting else next((p for p in fitting if set(own) == set(p)), fitting[0])
+
+
 def _correlation(table: Mapping[str, Any]) -> tuple[Correlation, ...]:
     """`E-T = 0.78` each."""
     found = []
     for key in table:
         a, dash, b = str(key).partition("-")
-        if not (dash and a in VARIABLES and b in VARIABLES):
+        if not (dash and a in _VARIABLES and b in _VARIABLES):
             raise PopulationError(
-                f"[correlation] {key!r} is no pair of variables; write two of {', '.join(VARIABLES)}, as E-T = 0.78"
+                f"[correlation] {key!r} is no pair of variables; write two of {', '.join(_VARIABLES)}, as E-T = 0.78"
             )
         try:
             found.append((a, b, _number(table, key)))
@@ -263,8 +279,8 @@ def write_population(population: Population, path: str | Path, comments: Iterabl
     lines += [f"name = {_string(population.name)}", f"description = {_string(population.description)}"]
     if population.plate_area_um2 is not None:
         lines.append(f"plate_area_um2 = {population.plate_area_um2!r}")
-    for v in VARIABLES:
-        lines += ["", f"[{v}]", *_lines(getattr(population, v))]
+    for v, marginal in zip(population.variables, population.marginals(), strict=True):
+        lines += ["", f"[{v}]", *_lines(marginal)]
     if population.correlation:
         lines += ["", "[correlation]", *(f"{a}-{b} = {rho!r}" for a, b, rho in population.correlation)]
     Path(path).write_text("\n".join(lines) + "\n", "utf-8")

@@ -1,10 +1,12 @@
-"""Owns the population of switches: four independent parameters, and samples of it keyed by (seed, stream, index).
+"""Owns the population of switches: four parameters, and samples of it keyed by (seed, stream, index).
 
-D, G, E, T are independent; stiffness K and mass M follow from E and T (Eqs. 4-6), also after a design change.
+D and G, and two that give K and M: E and T of a plate (Eqs. 4-6), or what a company knows of its own switch. They are
+independent but for the correlations that are given.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -16,6 +18,8 @@ from softclose.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 from softclose.population import copula
 from softclose.population.copula import Correlation
 from softclose.population.distributions import PopulationError, portable
+from softclose.population.laws import LAWS, OWN, Law
+from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +27,7 @@ Sampling = Literal["monte-carlo", "sobol"]
 
 SAMPLINGS: tuple[str, ...] = ("monte-carlo", "sobol")
 VARIABLES = ("D", "G", "E", "T")
-UNITS = {"D": "µm", "G": "µm", "E": "GPa", "T": "µm", "K": "N/m", "M": "µg"}
+_N_MOMENTS = 2**14
 _MAX_SOBOL = 2**30  # scipy's generator has 30 bits
 
 
@@ -37,10 +41,18 @@ class Population:
     """Travel to contact [µm]."""
     G: Marginal
     """Electrostatic gap [µm]."""
-    E: Marginal
-    """Elastic modulus [GPa]."""
-    T: Marginal
-    """Plate thickness [µm]."""
+    E: Marginal | None = None
+    """Elastic modulus [GPa], with T."""
+    T: Marginal | None = None
+    """Plate thickness [µm]; K and M follow from E and T by Eqs. 4-6."""
+    K: Marginal | None = None
+    """Stiffness [N/m] itself, with M or f."""
+    M: Marginal | None = None
+    """Mass [µg]."""
+    f: Marginal | None = None
+    """First resonance [kHz], M = K / (2 pi f)²."""
+    U_pi: Marginal | None = None
+    """Pull-in voltage [V], with f: K follows from it and G by Eq. 3."""
     description: str = ""
     """One sentence for people."""
     plate_area_um2: float | None = None
@@ -49,24 +61,67 @@ class Population:
     """Rank correlations of pairs of variables, in a Gaussian copula; pairs that are not named are independent."""
 
     def __post_init__(self) -> None:
+        given = tuple(v for v in dict.fromkeys(OWN) if getattr(self, v) is not None)
+        if not any(set(given) == set(pair) for pair in LAWS):
+            pairs = ", ".join(" and ".join(pair) for pair in LAWS)
+            raise PopulationError(f"a lot has {', '.join(given) or 'nothing'} beside D and G; give one pair of {pairs}")
         area = self.plate_area_um2
+        if self.law.rests_on_area and area is None:
+            raise PopulationError("K follows from U_pi by the plate's area: give plate_area_um2")
         if area is not None and not 0.0 < area < np.inf:
             raise PopulationError(f"plate_area_um2 is {area:g}; it must be above 0 µm²")
-        for variable in VARIABLES:
+        for variable in self.variables:
             lower = getattr(self, variable).lower
             if lower <= 0.0:
                 raise PopulationError(f"{variable} reaches down to {lower:g} {UNITS[variable]}; it must stay above 0")
-        if self.T.lower <= A1:
+        if self.T is not None and self.T.lower <= A1:
             raise PopulationError(
                 f"T reaches down to {self.T.lower:g} µm; Eq. 4 has no stiffness at or below {A1} µm "
                 "(it was fitted to plates 5 to 9 µm thick)"
             )
-        copula.check(self.correlation, VARIABLES)
+        copula.check(self.correlation, self.variables)
         if self.D.upper >= self.G.lower:
             raise PopulationError(
                 f"D reaches up to {self.D.upper:g} µm and G down to {self.G.lower:g} µm; every switch needs D < G: "
                 "narrow their bounds or move their means apart"
             )
+
+    @property
+    def law(self) -> Law:
+        """How K and M follow from what is given."""
+        return LAWS[next(pair for pair in LAWS if all(getattr(self, v) is not None for v in pair))]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The four variables of the lot, in the order of their columns."""
+        return ("D", "G", *self.law.variables)
+
+    def marginals(self) -> tuple[Marginal, ...]:
+        """Their distributions."""
+        return tuple(getattr(self, v) for v in self.variables)
+
+    def switches(self, parameters: ArrayLike) -> FloatArray:
+        """Switches of given parameters.
+
+        Parameters
+        ----------
+        parameters : (n, 4) array-like
+            Columns as `variables`.
+
+        Returns
+        -------
+        (n, 4) ndarray of float64
+            Columns D, G [µm], K [N/m], M [µg].
+        """
+        p = np.asarray(parameters, dtype=np.float64)
+        if self.law.variables == VARIABLES[2:]:
+            return switches_from_parameters(p)
+        if p.ndim != 2 or p.shape[1] != 4:
+            raise PopulationError(
+                f"parameters have shape {p.shape}; expected (n, 4): columns {', '.join(self.variables)}"
+            )
+        k, m = self.law.switch(p[:, 1], p[:, 2], p[:, 3], self.plate_area())
+        return np.stack([p[:, 0], p[:, 1], k, m], axis=1)
 
     def plate_area(self, asked_um2: float | None = None) -> float:
         """Plate area to use with this population: its own, else what is asked for, else that of Table 1.
@@ -122,9 +177,7 @@ class Population:
         (n, 4) ndarray of float64
             Columns D, G [µm], K [N/m], M [µg].
         """
-        return switches_from_parameters(
-            self.sample_parameters(n, seed=seed, sampling=sampling, start=start, stream=stream)
-        )
+        return self.switches(self.sample_parameters(n, seed=seed, sampling=sampling, start=start, stream=stream))
 
     def sample_parameters(
         self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0
@@ -139,7 +192,7 @@ class Population:
         Returns
         -------
         (n, 4) ndarray of float64
-            Columns D, G [µm], E [GPa], T [µm].
+            Columns as `variables`: D, G [µm], E [GPa], T [µm] of a plate.
         """
         return self.quantile(_uniforms(n, seed=seed, sampling=sampling, start=start, stream=stream))
 
@@ -154,7 +207,7 @@ class Population:
         Returns
         -------
         (n, 4) ndarray of float64
-            Columns D, G [µm], E [GPa], T [µm].
+            Columns as `variables`.
 
         Raises
         ------
@@ -168,34 +221,60 @@ class Population:
                 f"probabilities cannot be read as numbers ({e}); give an (n, 4) array in [0, 1]"
             ) from e
         if p.ndim != 2 or p.shape[1] != len(VARIABLES) or not ((p >= 0.0) & (p <= 1.0)).all():
-            raise PopulationError(f"probabilities of shape {p.shape}; give an (n, 4) array in [0, 1], for D, G, E, T")
-        p = copula.joined(p, self.correlation, VARIABLES)
-        columns = [getattr(self, v).quantile(p[:, i]) for i, v in enumerate(VARIABLES)]
+            raise PopulationError(
+                f"probabilities of shape {p.shape}; give an (n, 4) array in [0, 1], for {', '.join(self.variables)}"
+            )
+        p = copula.joined(p, self.correlation, self.variables)
+        columns = [marginal.quantile(p[:, i]) for i, marginal in enumerate(self.marginals())]
         return np.stack(columns, axis=1)
+
+    def _expect(self, f: Callable[[FloatArray], FloatArray]) -> float:
+        """E[f(K, M as columns of (n, 2))], over all variables that K and M follow from."""
+        first, second = (getattr(self, v) for v in self.law.variables)
+        area = self.plate_area()
+
+        def of_pair(g: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+            k, m = self.law.switch(g, a, b, area)
+            return f(np.stack(np.broadcast_arrays(k, m), axis=-1))
+
+        if not self.law.rests_on_area:
+            return copula.expect(
+                lambda a, b: of_pair(np.ones_like(a), a, b), (first.quantile, second.quantile), self._correlated
+            )
+        # K follows from G too, and all three may be correlated: a fixed quasi-random sample of them.
+        p = self.sample_parameters(_N_MOMENTS, seed=0, sampling="sobol")
+        return float(np.mean(of_pair(p[:, 1], p[:, 2], p[:, 3])))
+
+    @property
+    def _correlated(self) -> float:
+        pair = set(self.law.variables)
+        return next((rho for a, b, rho in self.correlation if {a, b} == pair), 0.0)
 
     @property
     def mean_K(self) -> float:
         """E[K] [N/m]: Eq. 4 is linear in E, which is independent of T unless a correlation says otherwise."""
-        if self._E_with_T:
-            return portable(self._expect_of_E_and_T(stiffness))
-        return portable(self.T.expect(lambda t: stiffness(self.E.mean, t)))
-
-    @property
-    def _E_with_T(self) -> float:
-        return next((rho for a, b, rho in self.correlation if {a, b} == {"E", "T"}), 0.0)
-
-    def _expect_of_E_and_T(self, f: Callable[[FloatArray, FloatArray], FloatArray]) -> float:
-        return copula.expect(f, (self.E.quantile, self.T.quantile), self._E_with_T)
+        if self.E is not None and self.T is not None and not self._correlated:
+            e = self.E.mean
+            return portable(self.T.expect(lambda t: stiffness(e, t)))
+        return self.K.mean if self.K is not None else portable(self._expect(lambda km: km[..., 0]))
 
     @property
     def mean_M(self) -> float:
         """E[M] [µg]."""
-        return portable(self.T.expect(mass))
+        if self.T is not None:
+            return portable(self.T.expect(mass))
+        return self.M.mean if self.M is not None else portable(self._expect(lambda km: km[..., 1]))
 
     @property
     def mean_switch(self) -> FloatArray:
         """The deterministic switch: (4,) E[D], E[G] [µm], E[K] [N/m], E[M] [µg] (paper §4.1)."""
         return np.array([self.D.mean, self.G.mean, self.mean_K, self.mean_M])
+
+    def extremes(self) -> tuple[FloatArray, FloatArray]:
+        """(8,) K [N/m] and (8,) M [µg] at all ends of the ranges that they follow from."""
+        sides = [(x.lower, x.upper) for x in self.marginals()[1:]]
+        g, a, b = np.array(list(itertools.product(*sides))).T
+        return self.law.switch(g, a, b, self.plate_area())
 
     def summary(self, plate_area_um2: float | None = None) -> dict[str, float]:
         """Ranges, means and standard deviations, named `quantity_unit`; ranges are those of the bounds.
@@ -211,31 +290,34 @@ class Population:
             Such as `D_um_mean`.
         """
         plate_area_um2 = self.plate_area(plate_area_um2)
-        d, g, e, t = self.D, self.G, self.E, self.T
-        corners = np.array([[d.lower, g.lower, 0.0, 1.0], [d.upper, g.upper, 0.0, 1.0]])
-        corners[:, 2] = stiffness([e.lower, e.upper], [t.lower, t.upper])
-        u_pi = pull_in_voltage(corners, plate_area_um2)
-        k_square = (
-            self._expect_of_E_and_T(lambda modulus, x: stiffness(modulus, x) ** 2)
-            if self._E_with_T
-            else (e.sd**2 + e.mean**2) * t.expect(lambda x: stiffness(1.0, x) ** 2)
-        )
-        m_square = t.expect(lambda x: mass(x) ** 2)
+        d, g = self.D, self.G
+        ks, ms = self.extremes()
+        if self.U_pi is not None:
+            u_pi = np.array([self.U_pi.lower, self.U_pi.upper])
+        else:
+            corners = np.array([[d.lower, g.lower, ks.min(), 1.0], [d.upper, g.upper, ks.max(), 1.0]])
+            u_pi = pull_in_voltage(corners, plate_area_um2)
+        if self.E is not None and self.T is not None and not self._correlated:
+            e, t = self.E, self.T
+            k_square = (e.sd**2 + e.mean**2) * t.expect(lambda x: stiffness(1.0, x) ** 2)
+            m_square = t.expect(lambda x: mass(x) ** 2)
+        else:
+            k_square = self._expect(lambda km: km[..., 0] ** 2)
+            m_square = self._expect(lambda km: km[..., 1] ** 2)
         out: dict[str, float] = {}
-        for v in VARIABLES:
-            b: Marginal = getattr(self, v)
+        for v, b in zip(self.variables, self.marginals(), strict=True):
             for what in ("lower", "mean", "upper", "sd"):
-                out[f"{v}_{what}_{UNITS[v].replace('µ', 'u')}"] = getattr(b, what)
+                out[f"{v}_{what}_{UNITS[v].replace('µ', 'u').replace('/', '_per_')}"] = getattr(b, what)
         out |= {
             "D_over_G_lower": d.lower / g.upper,
             "D_over_G_upper": d.upper / g.lower,
-            "K_lower_N_per_m": float(corners[0, 2]),
+            "K_lower_N_per_m": float(ks.min()),
             "K_mean_N_per_m": self.mean_K,
-            "K_upper_N_per_m": float(corners[1, 2]),
+            "K_upper_N_per_m": float(ks.max()),
             "K_sd_N_per_m": float(np.sqrt(max(k_square - self.mean_K**2, 0.0))),
-            "M_lower_ug": float(mass(t.lower)),
+            "M_lower_ug": float(ms.min()),
             "M_mean_ug": self.mean_M,
-            "M_upper_ug": float(mass(t.upper)),
+            "M_upper_ug": float(ms.max()),
             "M_sd_ug": float(np.sqrt(max(m_square - self.mean_M**2, 0.0))),
             "U_pi_lower_V": float(u_pi[0]),
             "U_pi_mean_switch_V": float(pull_in_voltage(self.mean_switch, plate_area_um2)),
@@ -248,8 +330,8 @@ class Population:
         out: dict[str, Any] = {"name": self.name, "description": self.description}
         if self.plate_area_um2 is not None:
             out["plate_area_um2"] = self.plate_area_um2
-        for v in VARIABLES:
-            out[v] = getattr(self, v).to_dict()
+        for v, marginal in zip(self.variables, self.marginals(), strict=True):
+            out[v] = marginal.to_dict()
         if self.correlation:
             out["correlation"] = [list(pair) for pair in self.correlation]
         return out
@@ -258,7 +340,7 @@ class Population:
     def from_dict(cls, data: Mapping[str, Any]) -> Population:
         """Inverse of `to_dict`. Raises PopulationError where it is no such dictionary."""
         try:
-            marginals = {v: marginal_from_dict(data[v]) for v in VARIABLES}
+            marginals = {v: marginal_from_dict(data[v]) for v in ("D", "G", *dict.fromkeys(OWN)) if v in data}
             area = data.get("plate_area_um2")
             return cls(
                 name=str(data["name"]),
@@ -270,7 +352,9 @@ class Population:
         except (KeyError, TypeError, ValueError) as e:
             if isinstance(e, PopulationError):
                 raise
-            raise PopulationError(f"this is not a stored population ({e!r}): it needs name, D, G, E and T") from e
+            raise PopulationError(
+                f"this is not a stored population ({e!r}): it needs name, D, G, and E and T or another pair"
+            ) from e
 
 
 def switches_from_parameters(parameters: ArrayLike) -> FloatArray:

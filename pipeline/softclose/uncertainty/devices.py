@@ -19,7 +19,7 @@ from softclose.metrics.intervals import Interval
 from softclose.metrics.objective import Assessment
 from softclose.population.calibrate import refitted
 from softclose.population.distributions import PopulationError
-from softclose.population.population import Population, index_uniforms, switches_from_parameters
+from softclose.population.population import Population, index_uniforms
 from softclose.waveform import FloatArray, Waveform
 
 STREAM = 7_400_000
@@ -112,7 +112,7 @@ def propagate(
     uniforms = index_uniforms(n_switches, seed=seed, start=0, stream=STREAM)
 
     def judged(lot: Population) -> Assessment:
-        switches = switches_from_parameters(lot.quantile(uniforms))
+        switches = lot.switches(lot.quantile(uniforms))
         return evaluate(settings, switches, waveform, fresh=True, threads=threads)
 
     figures = np.full((3, n_lots), math.nan)

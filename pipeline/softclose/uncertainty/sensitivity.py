@@ -12,7 +12,7 @@ from softclose.config import CampaignConfig, load_config
 from softclose.evaluate import respond
 from softclose.metrics.intervals import mean_interval
 from softclose.metrics.objective import CM_S
-from softclose.population import VARIABLES, Population, switches_from_parameters
+from softclose.population import Population
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
@@ -96,7 +96,7 @@ def sensitivity(
 
     def outputs(p: FloatArray) -> FloatArray:
         nonlocal touched, closed, total
-        switches = switches_from_parameters(population.quantile(p.T))
+        switches = population.switches(population.quantile(p.T))
         r = respond(settings, switches if trim is None else trim.trimmed(switches), waveform)
         v = np.asarray(r.max_contact_speed, dtype=np.float64)
         total += v.size
@@ -128,7 +128,7 @@ def sensitivity(
                 total_interval=mean_interval(table[:, 1, i, j], confidence),
             )
             for i, output in enumerate(OUTPUTS)
-            for j, v in enumerate(VARIABLES)
+            for j, v in enumerate(population.variables)
         ),
         p_contact=touched / total,
         p_closed=closed / total,

@@ -20,7 +20,6 @@ from softclose.config import CampaignConfig
 from softclose.evaluate import draw, respond
 from softclose.metrics.intervals import Interval, clopper_pearson, normal_quantile
 from softclose.metrics.objective import CM_S
-from softclose.population import switches_from_parameters
 from softclose.waveform import FloatArray, Waveform
 
 if TYPE_CHECKING:
@@ -154,7 +153,7 @@ class _Space:
     def lot(self, u: FloatArray) -> FloatArray:
         """(n, 4) or (n, 6) switches at (n, dim) standard normal coordinates."""
         p = ndtr(u)
-        switches = switches_from_parameters(self.population.quantile(p[:, :4]))
+        switches = self.population.switches(self.population.quantile(p[:, :4]))
         if self.trim is None:
             return switches
         return self.trim.trimmed(switches, self.trim.true(switches) * self.trim.factors(p[:, 4:]))

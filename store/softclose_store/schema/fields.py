@@ -33,6 +33,9 @@ POPULATION = {
 }
 """Per-switch properties: name -> (meaning, unit)."""
 
+OF_A_PLATE = ("E", "T")
+"""Those that are NaN throughout where a lot's K and M do not follow from a plate."""
+
 INTERVALS = ("wald", "wilson", "clopper_pearson")
 """Intervals kept for each probability."""
 

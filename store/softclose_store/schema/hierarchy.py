@@ -22,6 +22,7 @@ from softclose_store.schema.fields import (
     DIGESTS,
     IMPACT_QUANTITIES,
     N_SURROGATE,
+    OF_A_PLATE,
     POPULATION,
     QUANTITIES,
     SCHEMA_VERSION,
@@ -181,7 +182,8 @@ def population_columns(population: Mapping[str, ArrayLike], n: int) -> dict[str,
         raise LayoutError(f"the population has columns {sorted(population)}; it needs {sorted(POPULATION)}")
     columns = {name: np.ascontiguousarray(population[name], dtype=np.float64) for name in POPULATION}
     for name, column in columns.items():
-        if column.shape != (n,) or not np.all(np.isfinite(column)):
+        unknown = name in OF_A_PLATE and bool(np.all(np.isnan(column)))
+        if column.shape != (n,) or not (unknown or np.all(np.isfinite(column))):
             raise LayoutError(f"population column {name} has shape {column.shape}; it must be ({n},), all finite")
     return columns
 

@@ -18,7 +18,7 @@ PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def populations(names: tuple[str, ...], plate_area: float | None, as_json: bool) -> None:
     """Ranges, means and pull-in voltages of populations, beside what the published study prints of them."""
-    from softclose.population import load_population, population_names
+    from softclose.population import UNITS, load_population, population_names
     from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.plain import json_text
 
@@ -44,18 +44,26 @@ def populations(names: tuple[str, ...], plate_area: float | None, as_json: bool)
             ),
         )
 
-    for variable, unit, digits in (("D", "um", 3), ("G", "um", 3), ("E", "GPa", 2), ("T", "um", 3)):
-        shown = unit.replace("um", "µm")
+    for variable in dict.fromkeys(v for p in loaded.values() for v in p.variables):
+        if variable in ("K", "M"):
+            continue  # every lot has those, below
+        unit = UNITS[variable]
+        digits = 3 if unit == "µm" else 2
+        keys = {what: f"{variable}_{what}_{unit.replace('µ', 'u')}" for what in ("lower", "mean", "upper")}
+        has = [keys["mean"] in s for s in summaries.values()]
         row(
-            f"{variable} [{shown}]".replace("[", r"\["),
+            f"{variable} [{unit}]".replace("[", r"\["),
             [
-                f"{s[f'{variable}_lower_{unit}']:.{digits}f}–{s[f'{variable}_upper_{unit}']:.{digits}f}"
-                for s in summaries.values()
+                f"{s[keys['lower']]:.{digits}f}–{s[keys['upper']]:.{digits}f}" if known else "–"
+                for s, known in zip(summaries.values(), has, strict=True)
             ],
         )
         row(
             f"  mean {variable}",
-            [f"{s[f'{variable}_mean_{unit}']:.{digits}f}" for s in summaries.values()],
+            [
+                f"{s[keys['mean']]:.{digits}f}" if known else "–"
+                for s, known in zip(summaries.values(), has, strict=True)
+            ],
             f"E[{variable}]",
         )
     row("D/G", [f"{s['D_over_G_lower']:.3f}–{s['D_over_G_upper']:.3f}" for s in summaries.values()], "D/G")

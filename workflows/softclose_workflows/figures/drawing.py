@@ -163,7 +163,7 @@ def switches(data: ReportData) -> Figure | None:
         ),
         ("never touches (at 0)", never, {"marker": "x", "color": COLOURS["open"], "markersize": 3.5, "clip_on": False}),
     )
-    for axes, name in zip(grid.flat, "DGET", strict=True):
+    for axes, name in zip(grid.flat, data.shown_parameters, strict=True):
         for label, which, look in groups:
             if which.any():
                 axes.plot(
@@ -186,7 +186,7 @@ def switches(data: ReportData) -> Figure | None:
 def population(data: ReportData) -> Figure | None:
     """Properties of the ensemble with the distributions that they come from (Figs. 3, 4)."""
     figure = Figure(figsize=(PAGE_IN, 3.6))
-    for axes, name in zip(figure.subplots(2, 3).flat, data.parameters, strict=True):
+    for axes, name in zip(figure.subplots(2, 3).flat, data.parameters, strict=False):
         values = data.parameters[name]
         axes.hist(values, bins=min(40, max(8, int(values.size**0.5))), density=True, color=COLOURS["best"], alpha=0.4)
         grid, density, _ = population_density(data, name)

@@ -135,6 +135,11 @@ class ReportData:
     """What fresh switches say, if the store has a certification."""
 
     @property
+    def shown_parameters(self) -> tuple[str, ...]:
+        """The four properties against which V is drawn: E and T of a plate, else what stands in their place."""
+        return ("D", "G", "E", "T") if "E" in self.parameters else ("D", "G", "K", "M")
+
+    @property
     def n_committed(self) -> int:
         """Candidates so far."""
         return len(self.candidates)

@@ -69,7 +69,11 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         n_total=campaign.budget,
         candidates=candidates,
         best=index,
-        parameters={name: np.asarray(campaign.population()[name]) for name in labels.PARAMETERS},
+        parameters={
+            name: column
+            for name in labels.PARAMETERS
+            if np.isfinite(column := np.asarray(campaign.population()[name])).all()  # E and T are of a plate
+        },
         designs=designs,
         missing_references=missing,
         trim=_trim(campaign, config, designs[0]) if index is not None else None,

@@ -140,7 +140,7 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         judged = data.judged_designs
         figures["densities"] = charts.densities(judged, [d.role for d in judged], _top_speed(judged))
         figures["exceedance"] = charts.exceedance(judged, data.config.objective.limits_cm_s, _top_speed(judged))
-        for name in "DGET":
+        for name in data.shown_parameters:
             figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
     if data.best_design is not None and not data.config.amplifier.is_ideal:
         figures["amplifier"] = charts.amplifier(data.best_design, data.config)

@@ -40,16 +40,21 @@ def create_store(config: CampaignConfig, path: str) -> None:
 
 
 def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
-    """The campaign's whole ensemble: columns D, G, E, T, K, M and the scales of the drives, (n_switches_max,) each."""
+    """The campaign's whole ensemble: columns D, G, E, T, K, M and the scales of the drives, (n_switches_max,) each.
+
+    E and T are NaN where K and M follow from something else.
+    """
     n, seed, sampling = config.n_switches_max, config.campaign.seed, config.population.sampling
-    parameters = config.build_population().sample_parameters(n, seed=seed, sampling=sampling)
+    population = config.build_population()
+    parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
+    plate = parameters[:, 2:] if population.law.variables == ("E", "T") else np.full((n, 2), np.nan)
     lot = draw(config, n, seed=seed, sampling=sampling)
-    scales = lot[:, N_PARAMETERS:] if config.build_trim() is not None else np.ones((n, N_SCALES))
+    scales = lot[:, N_PARAMETERS:] if lot.shape[1] > N_PARAMETERS else np.ones((n, N_SCALES))
     return {
         "D": parameters[:, 0],
         "G": parameters[:, 1],
-        "E": parameters[:, 2],
-        "T": parameters[:, 3],
+        "E": plate[:, 0],
+        "T": plate[:, 1],
         "K": lot[:, 2],
         "M": lot[:, 3],
         "voltage_scale": scales[:, 0],

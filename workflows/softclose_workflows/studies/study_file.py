@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from softclose.config import CampaignConfig, ConfigError, load_config, read_toml
-from softclose.population import VARIABLES, Population
+from softclose.population import UNITS, VARIABLES, Population
 from softclose.presets import PresetError, find_named
 from softclose_workflows.studies.series import Member
 
@@ -68,6 +68,12 @@ class Study:
         return Member(name=label.replace(" ", "-"), config=CampaignConfig.from_dict(data))
 
     def _transformed(self, population: Population, value: float, label: str) -> Population:
+        lacks = [v for v in (*self.weights, *self.variables) if v not in population.variables]
+        if lacks and self.parameter.startswith("population."):
+            raise ConfigError(
+                f"population {population.name!r} has no {lacks[0]}, which the study changes; it has "
+                f"{', '.join(population.variables)}"
+            )
         if self.parameter == "population.shift_mean":
             changed = {v: getattr(population, v).shift_mean(w * value) for v, w in self.weights.items()}
         else:
@@ -105,9 +111,10 @@ def _study(data: Mapping[str, Any]) -> Study:
     if not isinstance(settings, Mapping):
         raise ConfigError("set is no table; write settings of all campaigns as [set] with keys such as campaign.budget")
     weights, variables = data.get("weights", {}), tuple(data.get("variables", ("D", "G", "T")))
+    known = (*VARIABLES, *(v for v in UNITS if v not in VARIABLES))
     for v in (*weights, *variables):
-        if v not in VARIABLES:
-            raise ConfigError(f"{v!r} is no variable of a population; it must be one of {', '.join(VARIABLES)}")
+        if v not in known:
+            raise ConfigError(f"{v!r} is no variable of a population; it must be one of {', '.join(known)}")
     if data["parameter"] == "population.shift_mean" and not weights:
         raise ConfigError("population.shift_mean needs [weights]: the change of each mean per unit of the value")
     return Study(
