@@ -298,7 +298,8 @@ class OptimiserSection:
     """Who proposes."""
 
     engine: Annotated[str, Field(min_length=1)] = "skopt"
-    """skopt, sobol, paper, direct, cmaes, botorch, or an installed entry point of group softclose.engines."""
+    """skopt, sobol, paper, direct, cmaes, botorch, nsga2 (v_u against p_nc), or an installed entry point of group
+    softclose.engines."""
     n_initial: Annotated[int, Field(ge=2, le=MOST_IN_A_WAVE, strict=True)] = 20
     """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
     batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4

@@ -77,6 +77,7 @@ ENGINES = Plugin(
         "direct": "softclose.propose.direct:DirectEngine",
         "cmaes": "softclose.propose.cmaes:CmaesEngine",
         "botorch": "softclose.propose.botorch:BotorchEngine",
+        "nsga2": "softclose.propose.nsga2:Nsga2Engine",
     },
     error=EngineError,
 )

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from softclose.metrics.pareto import pareto_front
+from softclose.metrics.pareto import hypervolume, pareto_front
 
 
 @given(
@@ -37,3 +37,14 @@ def test_the_front_is_exactly_what_nothing_else_beats(pair):
 def test_arrays_of_different_length_are_refused():
     with pytest.raises(ValueError, match="two \\(n,\\) arrays"):
         pareto_front([1.0, 2.0], [1.0])
+
+
+@given(arrays(np.float64, (12, 2), elements=st.floats(0.0, 1.0)))
+def test_the_hypervolume_is_the_area_that_is_dominated(points):
+    v, p = 80.0 * points[:, 0], points[:, 1]
+    grid_v, grid_p = (np.arange(400) + 0.5) / 400 * 60.0, (np.arange(400) + 0.5) / 400
+    dominated = np.zeros((400, 400), dtype=bool)
+    for a, b in zip(v, p, strict=True):
+        dominated |= (grid_v[:, None] >= a) & (grid_p[None, :] >= b)
+    assert hypervolume(v, p, worst_v_u_cm_s=60.0) == pytest.approx(60.0 * dominated.mean(), abs=60.0 * 2 / 400 * 2)
+    assert hypervolume(v[:6], p[:6], worst_v_u_cm_s=60.0) <= hypervolume(v, p, worst_v_u_cm_s=60.0) + 1e-12

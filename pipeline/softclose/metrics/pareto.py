@@ -19,3 +19,21 @@ def pareto_front(v_u_cm_s: ArrayLike, p_nc: ArrayLike) -> NDArray[np.intp]:
     order = usable[np.lexsort((usable, v[usable], p[usable]))]
     lowest = np.minimum.accumulate(np.append(np.inf, v[order]))[:-1]
     return np.asarray(order[v[order] < lowest])
+
+
+def objectives(v_u_cm_s: ArrayLike, p_nc: ArrayLike, *, undefined_v_u_cm_s: float) -> NDArray[np.float64]:
+    """(n, 2) v_u [cm/s] and p_nc, both to be small; an undefined v_u counts as given."""
+    v, p = np.asarray(v_u_cm_s, dtype=np.float64), np.asarray(p_nc, dtype=np.float64)
+    return np.stack([np.where(np.isfinite(v), v, undefined_v_u_cm_s), p], axis=1)
+
+
+def hypervolume(v_u_cm_s: ArrayLike, p_nc: ArrayLike, *, worst_v_u_cm_s: float) -> float:
+    """Area [cm/s] that a front dominates, below v_u = worst and p_nc = 1: it grows as the front gets better.
+
+    v_u_cm_s, p_nc: (n,) of any candidates; those that are dominated, undefined or worse than the corner add nothing.
+    """
+    v, p = np.asarray(v_u_cm_s, dtype=np.float64), np.asarray(p_nc, dtype=np.float64)
+    front = pareto_front(v, p)
+    v, p = v[front], p[front]
+    edges = np.append(p, 1.0)[1:]  # by rising p_nc, v_u falls: each holds until the next
+    return float((np.maximum(worst_v_u_cm_s - v, 0.0) * (edges - p)).sum())

@@ -9,13 +9,15 @@ import click
 @click.argument("store", metavar="STORE")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def pareto(store: str, as_json: bool) -> None:
-    """The candidates of STORE that no other beats in both v_u and p_nc.
+    """The candidates of STORE that no other beats in both v_u and p_nc, and how the area that they dominate grew.
 
     Of those evaluated on the most switches only: smaller ensembles flatter, and do not compare.
     """
+    import math
+
     import numpy as np
 
-    from softclose.metrics.pareto import pareto_front
+    from softclose.metrics.pareto import hypervolume, pareto_front
     from softclose_store import open_campaign
     from softclose_workflows.analyses.certify import CertifyError
     from softclose_workflows.tell.console import wide_console
@@ -33,19 +35,33 @@ def pareto(store: str, as_json: bool) -> None:
     front = [int(i) for i in pareto_front(v_u, table["p_nc"])]
     records = [{name: column[i] for name, column in table.items()} for i in front]
     waveforms = [waveform_rows(campaign.waveform(i)) for i in front]
+    worst = campaign.config["objective"]["undefined_v_u_cm_s"]
+    quarters = [math.ceil(q * len(v_u) / 4) for q in (1, 2, 3, 4)]
+    volumes = [hypervolume(v_u[:k], table["p_nc"][:k], worst_v_u_cm_s=worst) for k in quarters]
     if as_json:
         rows = [
             {
                 "candidate": i,
                 "v_u_cm_s": float(r["v_u_cm_s"]),
+                "v_u_interval_cm_s": [float(r["v_u_lower_cm_s"]), float(r["v_u_upper_cm_s"])],
                 "p_nc": float(r["p_nc"]),
+                "p_nc_interval": [float(r["p_nc_wilson_lower"]), float(r["p_nc_wilson_upper"])],
                 "mean_cm_s": float(r["mean_cm_s"]),
                 "g_cm_s": float(r["g_cm_s"]),
                 "waveform": w,
             }
             for i, r, w in zip(front, records, waveforms, strict=True)
         ]
-        click.echo(json_text({"store": store, "n_switches": n, "front": rows}))
+        click.echo(
+            json_text(
+                {
+                    "store": store,
+                    "n_switches": n,
+                    "front": rows,
+                    "hypervolume_cm_s": dict(zip(quarters, volumes, strict=True)),
+                }
+            )
+        )
         return
     from rich.table import Table
 
@@ -57,3 +73,5 @@ def pareto(store: str, as_json: bool) -> None:
     for i, record, waveform in zip(front, records, waveforms, strict=True):
         shown.add_row(str(i), describe_waveform(waveform), *metrics_row(record))
     wide_console().print(shown)
+    said = ", ".join(f"{volume:.3f} after {k:,}" for k, volume in zip(quarters, volumes, strict=True))
+    click.echo(f"hypervolume below v_u {worst:g} cm/s and p_nc 1 [cm/s]: {said} candidates")
