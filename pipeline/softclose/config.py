@@ -169,6 +169,29 @@ class AmplifierSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class TemperatureSection:
+    """A range of temperature over which the waveform has to hold; without tables, none matters."""
+
+    low_C: Annotated[float, Field(ge=-273.15, le=2000)] = 20.0
+    """Lowest temperature of the range [°C]: every switch of an ensemble has one of its own."""
+    high_C: Annotated[float, Field(ge=-273.15, le=2000)] = 20.0
+    """Highest temperature [°C]."""
+    celsius: tuple[Annotated[float, Field(ge=-273.15, le=2000)], ...] = ()
+    """Temperatures of the tables [°C], rising; the population is that at which the factor is 1 and the shifts are 0."""
+    stiffness: tuple[Annotated[float, Field(gt=0, le=100)], ...] = ()
+    """Stiffness there over that of the population: E(T) and residual stress."""
+    gap_um: tuple[Annotated[float, Field(ge=-1e3, le=1e3)], ...] = ()
+    """What the gap G is wider there [µm]."""
+    travel_um: tuple[Annotated[float, Field(ge=-1e3, le=1e3)], ...] = ()
+    """What the travel D is longer there [µm]."""
+
+    @property
+    def matters(self) -> bool:
+        """Whether anything changes with it."""
+        return bool(self.celsius)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class ModelSection:
     """The device model: Eqs. 1-2 unless another one is named."""
 
@@ -423,6 +446,7 @@ class CampaignConfig:
     population: PopulationSection = Field(default_factory=PopulationSection)
     trim: TrimSection = Field(default_factory=TrimSection)
     amplifier: AmplifierSection = Field(default_factory=AmplifierSection)
+    temperature: TemperatureSection = Field(default_factory=TemperatureSection)
     model: ModelSection = Field(default_factory=ModelSection)
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
@@ -442,6 +466,7 @@ class CampaignConfig:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
         self._check_model()
+        self._check_temperature()
         # Written out: a store says which area it was computed with, whatever a later version would choose.
         area = self.build_population().plate_area(self.model.plate_area_um2 or None)
         if not AREA_RANGE_UM2[0] <= area <= AREA_RANGE_UM2[1]:
@@ -518,6 +543,40 @@ class CampaignConfig:
             )
         if m.name == REDUCED_ORDER and m.quality_factor:
             raise ValueError("model.quality_factor belongs to single-mode: give each [[mode]] its quality_factor")
+
+    def _check_temperature(self) -> None:
+        t = self.temperature
+        tables = {"stiffness": t.stiffness, "gap_um": t.gap_um, "travel_um": t.travel_um}
+        if not t.low_C <= t.high_C:
+            raise ValueError(
+                f"temperature.low_C is {t.low_C:g} and high_C {t.high_C:g}; the range must not be reversed"
+            )
+        if not t.celsius:
+            if any(tables.values()) or t.low_C != t.high_C:
+                raise ValueError("temperature.celsius is missing: give the temperatures of the tables")
+            return
+        if len(t.celsius) < 2 or list(t.celsius) != sorted(set(t.celsius)):
+            raise ValueError("temperature.celsius must list two or more temperatures, rising")
+        for name, values in tables.items():
+            if values and len(values) != len(t.celsius):
+                raise ValueError(
+                    f"temperature.{name} has {len(values)} entries, temperature.celsius {len(t.celsius)}: give as many"
+                )
+        if not (t.celsius[0] <= t.low_C and t.high_C <= t.celsius[-1]):
+            raise ValueError(
+                f"the range of {t.low_C:g} to {t.high_C:g} °C leaves the tables, which end at {t.celsius[0]:g} and "
+                f"{t.celsius[-1]:g} °C: extend them"
+            )
+        lot = self.build_population()
+        for i, celsius in enumerate(t.celsius):
+            longest = lot.D.upper + (t.travel_um[i] if t.travel_um else 0.0)
+            shortest = lot.D.lower + (t.travel_um[i] if t.travel_um else 0.0)
+            narrowest = lot.G.lower + (t.gap_um[i] if t.gap_um else 0.0)
+            if not 0.0 < shortest <= longest < narrowest:
+                raise ValueError(
+                    f"at {celsius:g} °C travels are {shortest:g} to {longest:g} µm and gaps reach down to {narrowest:g} "
+                    "µm; every switch needs 0 < D < G: check temperature.travel_um and gap_um"
+                )
 
     def build_reduced_order(self) -> ReducedOrder:
         """The modes, from their stored description."""
@@ -684,6 +743,7 @@ _SECTIONS = (
     PopulationSection,
     TrimSection,
     AmplifierSection,
+    TemperatureSection,
     ModelSection,
     WaveformSection,
     ObjectiveSection,

@@ -21,6 +21,7 @@ from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Sampling
 from softclose.population.trim import Scales
+from softclose.temperature import heated, spread
 from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
 from softclose.waveform import Drive, FloatArray, Trace, Waveform, WaveformError
 
@@ -48,11 +49,21 @@ def draw(
     Row i depends on (seed, stream, start + i) and nothing else.
     """
     switches = config.build_population().sample(n, seed=seed, sampling=sampling, start=start, stream=stream)
+    lot = _with_drives(config, switches, seed=seed, start=start, stream=stream)
+    if not config.temperature.matters:
+        return lot
+    return heated(config.temperature, lot, spread(config.temperature, n, seed=seed, start=start, stream=stream))
+
+
+def _with_drives(config: CampaignConfig, switches: FloatArray, *, seed: int, start: int, stream: int) -> FloatArray:
+    """The switches, and the scales of their drives where those differ: by what was measured on them as the population
+    has them, or by the amplifier."""
     trim = config.build_trim()
-    if trim is None and config.amplifier.scatters:
-        return np.column_stack([switches, scattered(config.amplifier, n, seed=seed, start=start, stream=stream)])
     if trim is None:
-        return switches
+        if not config.amplifier.scatters:
+            return switches
+        scales = scattered(config.amplifier, len(switches), seed=seed, start=start, stream=stream)
+        return np.column_stack([switches, scales])
     if trim.measured == "contact times":
         learned = learn(config)
         told = actuate(touch_of(config), switches, learned.protocol, seed=seed, start=start, stream=stream)

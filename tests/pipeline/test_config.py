@@ -182,6 +182,7 @@ def test_every_section_documents_its_keys() -> None:
         "population",
         "trim",
         "amplifier",
+        "temperature",
         "model",
         "waveform",
         "objective",

@@ -51,8 +51,8 @@ def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
     lot = draw(config, n, seed=seed, sampling=sampling)
     scales = lot[:, N_PARAMETERS:] if lot.shape[1] > N_PARAMETERS else np.ones((n, N_SCALES))
     return {
-        "D": parameters[:, 0],
-        "G": parameters[:, 1],
+        "D": lot[:, 0],
+        "G": lot[:, 1],
         "E": plate[:, 0],
         "T": plate[:, 1],
         "K": lot[:, 2],

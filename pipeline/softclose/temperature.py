@@ -1,0 +1,57 @@
+"""Owns temperature: what stiffness, gap and travel of a switch become of it, and a lot spread over a range of it.
+
+From tables of the user's own: E(T) and residual stress as a factor of the stiffness, bending and expansion as shifts of
+gap and travel. Between entries a straight line.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from softclose.population.population import index_uniforms
+from softclose.waveform import FloatArray
+
+if TYPE_CHECKING:
+    from softclose.config import TemperatureSection
+
+_STREAM = 7_300_000
+"""Added to an ensemble's stream: temperatures are independent of switches and drives."""
+
+
+def heated(settings: TemperatureSection, switches: FloatArray, celsius: FloatArray | float) -> FloatArray:
+    """The switches at a temperature.
+
+    Parameters
+    ----------
+    settings : TemperatureSection
+        The tables.
+    switches : (n, 4) or (n, 6) ndarray
+        D, G [µm], K [N/m], M [µg] as the population gives them, and scales of drives, which do not change.
+    celsius : (n,) ndarray or float
+        Temperature of each, or of all [°C].
+
+    Returns
+    -------
+    ndarray
+        Of the same shape.
+    """
+    found = switches.copy()
+    at = settings.celsius
+    if settings.travel_um:
+        found[:, 0] += np.interp(celsius, at, settings.travel_um)
+    if settings.gap_um:
+        found[:, 1] += np.interp(celsius, at, settings.gap_um)
+    if settings.stiffness:
+        found[:, 2] *= np.interp(celsius, at, settings.stiffness)
+    return found
+
+
+def spread(settings: TemperatureSection, n: int, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
+    """(n,) temperatures [°C] of switches `start` to `start + n`, uniform over the range, the same for every candidate.
+
+    Row i depends on (seed, stream, start + i) and nothing else.
+    """
+    u = index_uniforms(n, seed=seed, start=start, stream=_STREAM + stream)[:, 0]
+    return np.asarray(settings.low_C + (settings.high_C - settings.low_C) * u)

@@ -1,0 +1,74 @@
+"""Claims about lots that are spread over a range of temperature."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softclose import Pulse, Waveform
+from softclose.config import ConfigError, load_config
+from softclose.evaluate import draw, evaluate
+from softclose.temperature import heated
+
+TABLES: dict[str, Any] = {
+    "celsius": [-40, 20, 85],
+    "stiffness": [1.06, 1.0, 0.93],
+    "gap_um": [-0.02, 0.0, 0.03],
+    "travel_um": [-0.02, 0.0, 0.03],
+}
+DRIVE = Waveform([Pulse(0, 4.4, 7.25, 111.6), Pulse(56.5, 19, math.inf, 75)])
+
+
+def config(**settings: Any):  # type: ignore[no-untyped-def]
+    return load_config({"temperature": TABLES | settings})
+
+
+def test_each_switch_is_at_a_temperature_of_its_own() -> None:
+    cold = load_config({})
+    lot, plain = draw(config(low_C=-40, high_C=85), 5000, seed=2), draw(cold, 5000, seed=2)
+    factor = lot[:, 2] / plain[:, 2]
+    assert 0.93 <= factor.min() < 0.935
+    assert 1.055 < factor.max() <= 1.06
+    # A factor is a temperature; the shift of the gap is that of the same one.
+    celsius = np.interp(-factor, [-1.06, -1.0, -0.93], [-40, 20, 85])
+    np.testing.assert_allclose(lot[:, 1] - plain[:, 1], np.interp(celsius, [-40, 20, 85], [-0.02, 0, 0.03]), atol=1e-9)
+    np.testing.assert_array_equal(lot[:, 3], plain[:, 3])
+    assert abs(np.corrcoef(celsius, plain[:, 2])[0, 1]) < 0.05
+    assert np.histogram(celsius, 5, (-40, 85))[0] == pytest.approx(1000, rel=0.12), "uniform over the range"
+
+
+def test_temperatures_are_keyed_by_the_switch_and_common_to_all_candidates() -> None:
+    hot = config(low_C=-40, high_C=85)
+    np.testing.assert_array_equal(draw(hot, 10, seed=2, start=30), draw(hot, 50, seed=2)[30:40])
+
+
+def test_at_the_population_s_own_temperature_nothing_changes() -> None:
+    np.testing.assert_array_equal(draw(config(), 20, seed=1), draw(load_config({}), 20, seed=1))
+
+
+def test_a_range_of_temperature_makes_a_lot_harder_to_close_softly() -> None:
+    still, hot = load_config({}), config(low_C=-40, high_C=85)
+    g = [evaluate(c, draw(c, 20_000, seed=3), DRIVE).g_cm_s for c in (still, hot)]
+    assert g[1] > g[0] + 0.3
+    lot = draw(still, 4, seed=3)
+    assert heated(hot.temperature, lot, 85.0)[:, 2] == pytest.approx(0.93 * lot[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"low_C": 30, "high_C": 20}, "it must not be reversed"),
+        ({"high_C": 120}, "leaves the tables, which end at -40 and 85"),
+        ({"stiffness": [1.0]}, "stiffness has 1 entries, temperature.celsius 3"),
+        ({"celsius": [20, -40, 85]}, "two or more temperatures, rising"),
+        ({"celsius": []}, "celsius is missing"),
+        ({"travel_um": [0, 0, 3]}, "every switch needs 0 < D < G"),
+        ({"stiffness": [1, -1, 1]}, "temperature.stiffness.1 is -1"),
+    ],
+)
+def test_what_is_no_table_is_said(settings: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        config(**settings)
