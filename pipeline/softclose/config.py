@@ -574,7 +574,7 @@ class CampaignConfig:
             narrowest = lot.G.lower + (t.gap_um[i] if t.gap_um else 0.0)
             if not 0.0 < shortest <= longest < narrowest:
                 raise ValueError(
-                    f"at {celsius:g} °C travels are {shortest:g} to {longest:g} µm and gaps reach down to {narrowest:g} "
+                    f"at {celsius:g} °C travels are {shortest:g} to {longest:g} µm and gaps go down to {narrowest:g} "
                     "µm; every switch needs 0 < D < G: check temperature.travel_um and gap_um"
                 )
 
