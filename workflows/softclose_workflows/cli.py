@@ -83,6 +83,7 @@ COMMANDS = (
     "drift",
     "export",
     "figures",
+    "opening",
     "pareto",
     "populations",
     "propagate",

@@ -1,0 +1,226 @@
+"""Owns the release of a closed lot: how it swings after the drop, and a braking pulse that calms it.
+
+A switch that is let go falls back from the contact and, with little damping, swings beyond its rest and up to the
+contact again. A pulse at the right instant pulls while it moves away, and takes that energy out.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from softclose.config import CampaignConfig
+from softclose.evaluate import N_PARAMETERS, respond
+from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_interval, quantile_rank
+from softclose.plate import holding_voltage
+from softclose.waveform import FloatArray, Pulse, Waveform
+
+BAND = 0.05
+"""A switch has settled where its displacement stays within this part of its travel."""
+STEP_US = 0.25
+"""Between two looks at a motion [µs]."""
+REBOUND_COST = 1.0
+"""What a brake pays for each switch that touches again, in travels of overshoot."""
+
+
+class OpeningError(ValueError):
+    """A release that cannot be judged."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opening:
+    """What the switches that were closed do after the drop."""
+
+    waveform: Waveform
+    """The whole drive: closing, holding, release."""
+    n: int
+    """Switches that were held when the fall began; the others are not judged."""
+    p_stuck: Proportion
+    """Of those, never leaving the contact."""
+    p_rebound: Proportion
+    """Of those, touching the contact again after they left it."""
+    overshoot: float
+    """Level-quantile of the largest displacement beyond rest, in travels D."""
+    overshoot_interval: Interval
+    """Distribution-free, by order statistics."""
+    settling_us: float
+    """Level-quantile of the time from the begin of the fall to |x| within `BAND` D for good [µs]; inf: not in time."""
+    settling_interval: Interval
+    """Distribution-free, by order statistics [µs]."""
+    times_us: FloatArray
+    """(n_time,) instants from the begin of the fall [µs]."""
+    quantiles: FloatArray
+    """(3, n_time) 5 %, 50 % and 95 % quantiles of x / D."""
+
+
+def opened(waveform: Waveform, at_us: float) -> Waveform:
+    """The waveform whose holding pulse begins to fall at an instant [µs], as fast as it rose."""
+    last = waveform.pulses[-1]
+    top = last.start_us + last.rise_us
+    if not math.isinf(last.peak_us):
+        raise OpeningError("the waveform lets go by itself: its last pulse does not hold; judge one that does")
+    if at_us < top:
+        raise OpeningError(f"the release is asked for at {at_us:g} µs; the holding pulse is up at {top:g} µs: later")
+    return Waveform([*waveform.pulses[:-1], replace(last, peak_us=at_us - top)])
+
+
+def judge_opening(
+    config: CampaignConfig,
+    switches: FloatArray,
+    waveform: Waveform,
+    *,
+    at_us: float,
+    watch_us: float = 200.0,
+    threads: int = 1,
+) -> Opening:
+    """Judge a release on independent random switches.
+
+    Parameters
+    ----------
+    config : CampaignConfig
+        Device model, level and confidence of the objective.
+    switches : (n, 4) ndarray
+        As `softclose.evaluate.draw` gives them.
+    waveform : Waveform
+        The whole drive, its fall from `at_us` on.
+    at_us : float
+        Begin of the fall [µs].
+    watch_us : float
+        How long to look on [µs].
+    threads : int
+        For the simulation.
+
+    Returns
+    -------
+    Opening
+
+    Raises
+    ------
+    OpeningError
+        Where fewer than ten switches are held when the fall begins, or each has a drive of its own.
+    """
+    if switches.shape[1] != N_PARAMETERS:
+        raise OpeningError("drives that differ from switch to switch ([trim], gain_error) fall at different instants")
+    times = np.arange(0.0, watch_us + 0.5 * STEP_US, STEP_US)
+    horizon = at_us + float(times[-1])
+    longer = replace(config, model=replace(config.model, horizon_us=horizon))
+    found = respond(longer, switches, waveform, times_us=at_us + times, max_impacts=256, threads=threads)
+    assert found.x is not None
+    assert found.v is not None
+    assert found.impact_time_us is not None
+    d = switches[:, 0]
+    x = np.asarray(found.x, dtype=np.float64) / d[:, None]
+    held = (np.abs(x[:, 0] - 1.0) < 1e-6) & (np.abs(np.asarray(found.v)[:, 0]) < 1e-6) & (found.status == 0)
+    if held.sum() < 10:
+        raise OpeningError(
+            f"{int(held.sum())} of {len(d)} switches are held at {at_us:g} µs; open later, or hold higher"
+        )
+    x, n = x[held], int(held.sum())
+    away = x < 1.0 - 1e-6
+    left = away.any(axis=1)
+    leaves = at_us + times[np.where(left, away.argmax(axis=1), 0)]
+    later = np.asarray(found.impact_time_us)[held] > leaves[:, None]
+    rebounds = later.any(axis=1) & left
+    overshoot = np.sort(np.maximum(-x.min(axis=1), 0.0))
+    outside = np.abs(x) > BAND
+    last = np.where(outside.any(axis=1), times.size - 1 - outside[:, ::-1].argmax(axis=1), 0)
+    settling = np.sort(np.where(last == times.size - 1, math.inf, times[last]))
+    level, confidence = config.objective.level, config.objective.confidence
+    rank = quantile_rank(n, level) - 1
+    return Opening(
+        waveform=waveform,
+        n=n,
+        p_stuck=proportion(int((~left).sum()), n, confidence),
+        p_rebound=proportion(int(rebounds.sum()), n, confidence),
+        overshoot=float(overshoot[rank]),
+        overshoot_interval=quantile_interval(overshoot, level, confidence),
+        settling_us=float(settling[rank]),
+        settling_interval=quantile_interval(settling, level, confidence),
+        times_us=times,
+        quantiles=np.quantile(x, (0.05, 0.5, 0.95), axis=0),
+    )
+
+
+def design_brake(
+    config: CampaignConfig,
+    switches: FloatArray,
+    waveform: Waveform,
+    *,
+    at_us: float,
+    budget: int = 300,
+    seed: int = 1,
+    threads: int = 1,
+    listener: Callable[[int, int], None] | None = None,
+) -> Waveform:
+    """A braking pulse after the fall, by CMA-ES on one training ensemble: start, rise, top and volts.
+
+    It minimises the level-quantile of the overshoot in travels plus `REBOUND_COST` times the part that touches again or
+    stays. Closing is as it was: the pulse begins no earlier than the fall.
+
+    Parameters
+    ----------
+    config, switches, waveform, at_us, threads
+        See `judge_opening`; the waveform without a brake.
+    budget : int
+        Waveforms to try.
+    seed : int
+        Of the search.
+    listener : callable, optional
+        Told (done, all).
+
+    Returns
+    -------
+    Waveform
+        With the brake as its last pulse; as it was where none is better.
+    """
+    import cma
+
+    released = waveform.pulses[-1]
+    period = 2e3 * math.pi * math.sqrt(np.median(switches[:, 3] / switches[:, 2]) / 1e6)
+    highest = min(config.waveform.max_volts, 1.5 * float(np.median(holding_voltage(switches))) + 60.0)
+    low = np.array([0.0, config.waveform.min_rise_us, 0.0, 0.0])
+    high = np.array([released.rise_us + period, config.waveform.min_rise_us + 0.5 * period, 0.5 * period, highest])
+
+    def drive(p: Any) -> Waveform:
+        start, rise, peak, volts = low + np.asarray(p) * (high - low)
+        return Waveform([*waveform.pulses, Pulse(at_us + start, rise, peak, volts)])
+
+    def cost(candidate: Waveform) -> float:
+        if candidate.max_voltage(at_us + 1e4) > config.waveform.max_volts:
+            return 10.0
+        o = judge_opening(config, switches, candidate, at_us=at_us, threads=threads)
+        return o.overshoot + REBOUND_COST * (o.p_rebound.estimate + o.p_stuck.estimate)
+
+    draw = np.random.default_rng(np.random.SeedSequence([seed, 19]))
+    best, least, done = waveform, cost(waveform), 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        strategy = cma.CMAEvolutionStrategy(
+            [0.4, 0.3, 0.2, 0.4],
+            0.25,
+            {
+                "bounds": [0.0, 1.0],
+                "verbose": -9,
+                "seed": math.nan,
+                "randn": lambda n, k: draw.standard_normal((n, k)),
+                "popsize": 12,
+            },
+        )
+        while done + 12 <= budget and not strategy.stop():
+            points = strategy.ask()
+            costs = []
+            for p in points:
+                candidate = drive(p)
+                costs.append(cost(candidate))
+                done += 1
+                if costs[-1] < least:
+                    best, least = candidate, costs[-1]
+                if listener is not None:
+                    listener(done, budget)
+            strategy.tell(points, costs)
+    return best

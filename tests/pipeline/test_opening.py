@@ -1,0 +1,86 @@
+"""Claims about the release of a closed lot: closed forms of its swing, contacts, and a brake that calms it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from softclose import Pulse, Waveform
+from softclose.config import load_config
+from softclose.evaluate import draw
+from softclose.opening import OpeningError, design_brake, judge_opening, opened
+
+SOFT = Waveform([Pulse(0, 4.4, 7.25, 111.6), Pulse(56.5, 19, math.inf, 75)])
+STEP = Waveform([Pulse(0, 0.0, math.inf, 110)])
+
+
+def test_an_instant_release_without_damping_swings_as_far_as_it_was_pulled() -> None:
+    config = load_config({})
+    switches = draw(config, 300, seed=1)
+    found = judge_opening(config, switches, opened(STEP, 250.0), at_us=250.0)
+    assert found.n == 300
+    assert found.overshoot == pytest.approx(1.0, abs=1e-3)
+    assert math.isinf(found.settling_us), "nothing takes its energy out"
+    assert found.p_stuck.estimate == 0.0
+    # x = D cos(omega t): the median is a quarter of a period later at rest.
+    omega = np.median(np.sqrt(1e-3 * switches[:, 2] / switches[:, 3]))
+    first = found.times_us[np.flatnonzero(found.quantiles[1] < 0.0)[0]]
+    assert first == pytest.approx(0.5 * math.pi / omega, abs=0.5)
+
+
+def test_damping_settles_a_release_as_its_quality_factor_says() -> None:
+    q = 4.0
+    config = load_config({}, [f"model.quality_factor={q}"])
+    switches = np.repeat([[2.43, 3.68, 65.3, 3.41]], 20, axis=0)
+    found = judge_opening(config, switches, opened(STEP, 250.0), at_us=250.0, watch_us=300.0)
+    root = math.sqrt(1.0 - 0.25 / q**2)
+    assert found.overshoot == pytest.approx(math.exp(-0.5 * math.pi / q / root), abs=2e-3)
+    omega = math.sqrt(1e-3 * 65.3 / 3.41)
+    t = np.linspace(0, 300, 300_001)
+    x = np.exp(-0.5 * omega / q * t) * (np.cos(omega * root * t) + 0.5 / q / root * np.sin(omega * root * t))
+    assert found.settling_us == pytest.approx(t[np.flatnonzero(np.abs(x) > 0.05)[-1]], abs=0.3)
+
+
+def test_adhesion_keeps_switches() -> None:
+    config = load_config({}, ["model.adhesion_uN=1e6"])
+    found = judge_opening(config, draw(config, 30, seed=1), opened(STEP, 250.0), at_us=250.0)
+    assert found.p_stuck.estimate == 1.0
+    assert found.overshoot == 0.0
+
+
+def test_a_second_pulse_that_closes_again_is_counted() -> None:
+    config = load_config({})
+    twice = Waveform([*opened(STEP, 250.0).pulses, Pulse(280.0, 0.0, math.inf, 110.0)])
+    found = judge_opening(config, draw(config, 100, seed=1), twice, at_us=250.0)
+    assert found.p_rebound.estimate == 1.0
+
+
+@pytest.mark.slow
+def test_a_brake_calms_switches_that_it_was_not_designed_on() -> None:
+    config = load_config({})
+    drive = opened(SOFT, 250.0)
+    brake = design_brake(config, draw(config, 200, seed=2), drive, at_us=250.0, budget=200)
+    assert brake.pulses[:-1] == drive.pulses
+    assert brake.pulses[-1].start_us >= 250.0
+    assert brake.max_voltage(1e4) <= config.waveform.max_volts
+    fresh = draw(config, 2000, seed=9)
+    plain, braked = (judge_opening(config, fresh, w, at_us=250.0) for w in (drive, brake))
+    assert braked.overshoot_interval[1] < 0.85 * plain.overshoot_interval[0]
+    assert braked.p_rebound.estimate < 0.05
+    again = design_brake(config, draw(config, 200, seed=2), drive, at_us=250.0, budget=200)
+    assert again == brake, "the same seed, the same brake"
+
+
+def test_what_cannot_be_judged_is_said() -> None:
+    with pytest.raises(OpeningError, match="does not hold"):
+        opened(Waveform([Pulse(0, 4, 5, 100)]), 250.0)
+    with pytest.raises(OpeningError, match=r"up at 75\.5 µs: later"):
+        opened(SOFT, 60.0)
+    low = Waveform([Pulse(0, 4, math.inf, 30)])
+    config = load_config({})
+    with pytest.raises(OpeningError, match="fall at different instants"):
+        judge_opening(config, np.ones((20, 6)), opened(SOFT, 250.0), at_us=250.0)
+    with pytest.raises(OpeningError, match="0 of 50 switches are held"):
+        judge_opening(config, draw(config, 50, seed=1), opened(low, 250.0), at_us=250.0)

@@ -1,0 +1,133 @@
+"""Owns the opening of a stored design's lot, with and without a brake, told as a table or as JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from softclose.opening import BAND, Opening, design_brake, judge_opening, opened
+from softclose_workflows.analyses.certify import fresh_switches
+from softclose_workflows.analyses.chosen import Chosen, choose
+from softclose_workflows.run.needs import check_fresh
+from softclose_workflows.tell.console import Step, wide_console
+from softclose_workflows.tell.plain import finite, waveform_rows
+from softclose_workflows.tell.tables import describe_waveform, with_interval
+
+TRAINING = 500
+"""Switches that a brake is designed on; it is judged on fresh ones."""
+_TRAINING_SEED = 1_000_003
+"""Added to the seed of the fresh switches: the brake is judged on switches that it was not designed on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """One design's opening, without and with a brake."""
+
+    chosen: Chosen
+    at_us: float
+    plain: Opening
+    braked: Opening | None
+    """None where no brake was asked for."""
+
+
+def opening(
+    path: str,
+    *,
+    at_us: float | None = None,
+    candidate: int | None = None,
+    brake: int = 0,
+    n_switches: int = 10_000,
+    threads: int = 1,
+    listener: Step | None = None,
+) -> Judged:
+    """A stored waveform, let go at an instant (the campaign's horizon); brake: waveforms to try for one, 0 for none.
+
+    Raises OpeningError and CertifyError.
+    """
+    check_fresh(n_switches, 1)
+    chosen = choose(path, candidate)
+    config = chosen.config
+    at = config.model.horizon_us if at_us is None else at_us
+    drive = opened(chosen.waveform, at)
+    fresh = fresh_switches(config, n_switches, seed=chosen.seed)
+    plain = judge_opening(config, fresh, drive, at_us=at, threads=threads)
+    if not brake:
+        return Judged(chosen=chosen, at_us=at, plain=plain, braked=None)
+    training = fresh_switches(config, TRAINING, seed=chosen.seed + _TRAINING_SEED)
+    designed = design_brake(
+        config, training, drive, at_us=at, budget=brake, seed=chosen.seed, threads=threads, listener=listener
+    )
+    braked = judge_opening(config, fresh, designed, at_us=at, threads=threads)
+    return Judged(chosen=chosen, at_us=at, plain=plain, braked=braked)
+
+
+def _time(value: float, lower: float, upper: float) -> str:
+    if math.isinf(value):
+        return "not while watched"
+    return f"{value:.1f} ({lower:.1f}–{upper:.1f})"
+
+
+def print_opening(found: Judged) -> None:
+    """One row without, one with the brake."""
+    from rich.table import Table
+
+    level = found.chosen.config.objective.level
+    table = Table(
+        title=f"candidate {found.chosen.candidate} ({found.chosen.why}), let go at {found.at_us:g} µs: "
+        f"{found.plain.n:,} switches that were held",
+        title_justify="left",
+        show_lines=True,
+    )
+    table.add_column("release")
+    for column in (
+        f"overshoot, {100 * level:g} % \\[travels]",
+        "touch again",
+        "stay",
+        f"within {100 * BAND:g} % after \\[µs]",
+    ):
+        table.add_column(column, justify="right")
+    for name, o in (("the holding pulse falls", found.plain), ("with a brake", found.braked)):
+        if o is None:
+            continue
+        words = name if o is found.plain else f"{name}: {describe_waveform(waveform_rows(o.waveform.rows())[-1:])}"
+        table.add_row(
+            words,
+            with_interval(o.overshoot, *o.overshoot_interval, 3),
+            with_interval(o.p_rebound.estimate, *o.p_rebound.wilson, 4),
+            with_interval(o.p_stuck.estimate, *o.p_stuck.wilson, 4),
+            _time(o.settling_us, *o.settling_interval),
+        )
+    wide_console().print(table)
+
+
+def to_json(found: Judged) -> dict[str, Any]:
+    """Plain values."""
+
+    def plain(o: Opening | None) -> dict[str, Any] | None:
+        return (
+            None
+            if o is None
+            else {
+                "n": o.n,
+                "overshoot": o.overshoot,
+                "overshoot_interval": list(o.overshoot_interval),
+                "p_rebound": o.p_rebound.estimate,
+                "p_rebound_interval": list(o.p_rebound.wilson),
+                "p_stuck": o.p_stuck.estimate,
+                "p_stuck_interval": list(o.p_stuck.wilson),
+                "settling_us": o.settling_us,
+                "settling_interval_us": list(o.settling_interval),
+                "waveform": waveform_rows(o.waveform.rows()),
+            }
+        )
+
+    values: dict[str, Any] = finite(
+        {
+            "candidate": found.chosen.candidate,
+            "at_us": found.at_us,
+            "release": plain(found.plain),
+            "braked": plain(found.braked),
+        }
+    )
+    return values

@@ -1,0 +1,72 @@
+"""Owns `softclose opening`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from softclose_workflows.commands.options import quiet_option
+
+
+@click.command(
+    epilog="\b\nExamples:\n  softclose opening runs/a.zarr\n"
+    "  softclose opening runs/a.zarr --at 400 --brake 300 --figure opening.svg"
+)
+@click.argument("store", metavar="STORE")
+@click.option("--candidate", type=int, metavar="N", help="Which candidate [the best certified one, or else the best].")
+@click.option("--at", "at_us", type=float, metavar="US", help="Begin of the fall [the campaign's horizon].")
+@click.option(
+    "--brake",
+    type=click.IntRange(min=0, max=100_000),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Design a braking pulse, with so many waveforms tried.",
+)
+@click.option("--switches", type=click.IntRange(min=100), default=10_000, show_default=True, help="Fresh switches.")
+@click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+@quiet_option
+def opening(
+    store: str,
+    candidate: int | None,
+    at_us: float | None,
+    brake: int,
+    switches: int,
+    figure: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """How the lot in STORE opens when the holding pulse falls: overshoot, touching again, settling, and a brake.
+
+    Judged are the switches that are held when the fall begins, on those of the certification.
+    """
+    from softclose_workflows.analyses.opening import opening as analyse
+    from softclose_workflows.analyses.opening import print_opening, to_json
+    from softclose_workflows.figures.opening import draw_opening
+    from softclose_workflows.figures.saving import check_figure, save
+    from softclose_workflows.figures.style import style
+    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.tell.console import bar
+    from softclose_workflows.tell.plain import json_text
+
+    if figure is not None:
+        check_figure(figure)
+    with bar("opening", quiet=quiet) as listener:
+        found = analyse(
+            store,
+            at_us=at_us,
+            candidate=candidate,
+            brake=brake,
+            n_switches=switches,
+            threads=n_cores(),
+            listener=listener,
+        )
+    if figure is not None:
+        with style():
+            save(draw_opening(found, f"candidate {found.chosen.candidate} of {Path(store).name}"), figure)
+    if as_json:
+        click.echo(json_text(to_json(found)))
+    else:
+        print_opening(found)
