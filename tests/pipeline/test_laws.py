@@ -111,6 +111,37 @@ def test_pull_in_voltages_need_an_area(tmp_path: Path) -> None:
         read_population(path)
 
 
+@pytest.mark.parametrize("law", ["U_pi", "K"])
+def test_measured_resonances_are_calibrated_to_a_lot_like_the_one_that_was_measured(tmp_path: Path, law: str) -> None:
+    truth = lot(tmp_path, U if law == "U_pi" else K, F)
+    p = truth.sample_parameters(60, seed=4)
+    column = "pull_in_V" if law == "U_pi" else "K_N_per_m"
+    rows = "\n".join(f"{d},{g},{a},{f}" for d, g, a, f in p)
+    path = tmp_path / "m.csv"
+    path.write_text(f"D_um,G_um,{column},resonance_kHz\n{rows}\n")
+    done = CliRunner().invoke(
+        main,
+        [
+            *("calibrate", str(path), "-o", str(tmp_path / "fit.toml"), "--plate-area", "40000", "--bootstrap", "30"),
+            *("--figure", str(tmp_path / "fit.png")),
+        ],
+    )
+    assert done.exit_code == 0, done.output
+    fitted = read_population(tmp_path / "fit.toml")
+    assert fitted.variables == truth.variables
+    a, b = truth.switches(p), fitted.sample(4000, seed=1)
+    np.testing.assert_allclose(b.mean(axis=0), a.mean(axis=0), rtol=0.02)
+    np.testing.assert_allclose(b.std(axis=0), a.std(axis=0), rtol=0.35)
+
+
+def test_a_resonance_alone_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m.csv"
+    path.write_text("D_um,G_um,resonance_kHz\n" + "1.6,2.5,30\n" * 9)
+    done = CliRunner().invoke(main, ["calibrate", str(path), "-o", str(tmp_path / "fit.toml")])
+    assert done.exit_code == 2
+    assert "pull_in_V and resonance_kHz; K_N_per_m and resonance_kHz" in done.output.replace("\n", " ")
+
+
 @pytest.mark.slow
 def test_a_campaign_of_such_a_lot_runs_and_is_certified(tmp_path: Path) -> None:
     lot(tmp_path, U, F)

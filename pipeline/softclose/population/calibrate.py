@@ -1,6 +1,7 @@
 """Owns calibration (paper §2.2): device measurements in, modulus of each device and a fitted population out.
 
-E follows from Eqs. 3-4. D and G get Betas, E and T uniform distributions, as in the published study.
+E follows from Eqs. 3-4. D and G get Betas, E and T uniform distributions, as in the published study. Where resonances
+were measured, K or the pull-in voltage and f are fitted instead, by Betas.
 """
 
 from __future__ import annotations
@@ -25,7 +26,16 @@ from softclose.population.population import UNITS, VARIABLES, Population
 
 FloatArray = NDArray[np.float64]
 
-KINDS: dict[str, Kind] = {"D": "beta", "G": "beta", "E": "uniform", "T": "uniform"}
+KINDS: dict[str, Kind] = {
+    "D": "beta",
+    "G": "beta",
+    "E": "uniform",
+    "T": "uniform",
+    "K": "beta",
+    "f": "beta",
+    "U_pi": "beta",
+}
+"""What each variable is fitted by."""
 _PLAUSIBLE_E_GPA = (1.0, 1000.0)
 _FITTED_T_UM = (5.0, 9.0)
 
@@ -41,12 +51,12 @@ class Calibration:
     population: Population
     """The fitted population."""
     parameters: FloatArray
-    """(n, 4) D, G [µm], E [GPa], T [µm] of each device."""
+    """(n, 4) the population's variables of each device: D, G [µm], E [GPa], T [µm] of a plate."""
     fits: dict[str, Fit]
-    """One for each of D, G, E, T."""
+    """One for each variable."""
     correlation: FloatArray
-    """(4, 4) rank correlation of D, G, E, T. Pairs in which it is significant are correlated in the population too; E
-    from Eqs. 3-4 inherits the errors of G and T, which can correlate it with them (paper §2.2)."""
+    """(4, 4) rank correlation of the variables. Pairs in which it is significant are correlated in the population too;
+    E from Eqs. 3-4 inherits the errors of G and T, which can correlate it with them (paper §2.2)."""
     confidence: float
     """Confidence of every interval."""
     notes: tuple[str, ...]
@@ -55,7 +65,7 @@ class Calibration:
     def panels(self, n_grid: int = 200) -> dict[str, dict[str, FloatArray]]:
         """Fig. 3: for each variable the histogram (edges, density) and the fitted curve (grid, fitted)."""
         out: dict[str, dict[str, FloatArray]] = {}
-        for column, v in zip(self.parameters.T, VARIABLES, strict=True):
+        for column, v in zip(self.parameters.T, self.population.variables, strict=True):
             b = self.fits[v].distribution
             density, edges = np.histogram(column, bins=max(5, math.ceil(math.sqrt(column.size))), density=True)
             margin = 0.05 * (b.upper - b.lower)
@@ -85,8 +95,12 @@ class Calibration:
 
 
 def device_parameters(measurements: Measurements, plate_area_um2: float = PLATE_AREA_UM2) -> FloatArray:
-    """(n, 4) D, G [µm], E [GPa], T [µm]: E is what makes the stiffness of Eq. 4 the one that Eq. 3 asks for."""
+    """(n, 4) D, G and the variables of `measurements.law`: of a plate E [GPa] and T [µm], E what makes the stiffness of
+    Eq. 4 the one that Eq. 3 asks for."""
     m = measurements
+    if m.T_um is None or m.pull_in_V is None:
+        of = {"U_pi": m.pull_in_V, "f": m.resonance_kHz, "K": m.K_N_per_m}
+        return np.stack([m.D_um, m.G_um, *(np.asarray(of[v]) for v in m.law)], axis=1)
     e = modulus(stiffness_from_pull_in(m.pull_in_V, m.G_um, plate_area_um2), m.T_um)
     low, high = _PLAUSIBLE_E_GPA
     for device, value in zip(m.device, e, strict=True):
@@ -116,11 +130,12 @@ def calibrate(
     if not 0.0 < plate_area_um2 < math.inf:
         raise MeasurementError(f"the plate area is {plate_area_um2:g} µm²; it must be above 0 (--plate-area)")
     bounds = dict(bounds or {})
+    variables = ("D", "G", *measurements.law)
     parameters = device_parameters(measurements, plate_area_um2)
-    _check_settings(bounds, parameters, n_bootstrap, confidence)
+    _check_settings(bounds, variables, parameters, n_bootstrap, confidence)
     notes: list[str] = []
     fits: dict[str, Fit] = {}
-    for stream, (v, column) in enumerate(zip(VARIABLES, parameters.T, strict=True)):
+    for stream, (v, column) in enumerate(zip(variables, parameters.T, strict=True)):
         if np.ptp(column) <= 1e-9 * column.mean():
             raise MeasurementError(f"{v} is the same for all devices; a distribution needs values that differ")
         fits[v] = fit(
@@ -136,11 +151,11 @@ def calibrate(
             notes.append(
                 f"{v} is poorly described by a {KINDS[v]} distribution (Cramér-von Mises p = {fits[v].p_value:.3f})"
             )
-    thickness = measurements.T_um
+    thickness = parameters[:, 3] if variables[3] == "T" else np.full(len(parameters), _FITTED_T_UM[0])
     outside = int(((thickness < _FITTED_T_UM[0]) | (thickness > _FITTED_T_UM[1])).sum())
     if outside:
         notes.append(f"{outside} devices are thinner or thicker than the 5–9 µm for which Eq. 4 was fitted")
-    correlation, pairs, together = correlations(parameters)
+    correlation, pairs, together = correlations(parameters, variables)
     if not together:
         notes.append("the correlations of the devices do not go together in one population, which takes none of them")
     notes += [
@@ -166,7 +181,9 @@ def calibrate(
     )
 
 
-def correlations(parameters: FloatArray) -> tuple[FloatArray, tuple[Correlation, ...], bool]:
+def correlations(
+    parameters: FloatArray, variables: tuple[str, ...] = VARIABLES
+) -> tuple[FloatArray, tuple[Correlation, ...], bool]:
     """Rank correlations of devices: all (4, 4), those that a population takes, and whether these go together.
 
     A population takes the significant ones (5 % for all six pairs), or none where they do not go together.
@@ -175,13 +192,13 @@ def correlations(parameters: FloatArray) -> tuple[FloatArray, tuple[Correlation,
 
     found, p_values = (np.asarray(part) for part in spearmanr(parameters))
     pairs = tuple(
-        (VARIABLES[j], VARIABLES[i], round(float(np.clip(found[i, j], -MOST, MOST)), 4))
+        (variables[j], variables[i], round(float(np.clip(found[i, j], -MOST, MOST)), 4))
         for i in range(4)
         for j in range(i)
         if p_values[i, j] < 0.05 / 6.0  # six pairs
     )
     try:
-        copula.check(pairs, VARIABLES)
+        copula.check(pairs, variables)
     except PopulationError:
         return found, (), False
     return found, pairs, True
@@ -196,8 +213,10 @@ def refitted(
     """
     devices = population.sample_parameters(n, seed=seed)
     known = dict(bounds or {})
-    found: dict[str, Any] = {v: estimate(x, KINDS[v], known.get(v)) for v, x in zip(VARIABLES, devices.T, strict=True)}
-    _, pairs, _ = correlations(devices)
+    found: dict[str, Any] = {
+        v: estimate(x, KINDS[v], known.get(v)) for v, x in zip(population.variables, devices.T, strict=True)
+    }
+    _, pairs, _ = correlations(devices, population.variables)
     return replace(population, correlation=pairs, **found)
 
 
@@ -205,8 +224,8 @@ def write_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write the population as TOML that `load_population` accepts; intervals, goodness of fit and notes as comments."""
     lines = [
         calibration.population.description,
-        f"E of each device from Eqs. 3-4 with a plate area of {calibration.population.plate_area():g} µm²; "
-        "campaigns with this population use that area",
+        f"{'E' if calibration.population.E else 'K and M'} of each device with a plate area of "
+        f"{calibration.population.plate_area():g} µm²; campaigns with this population use that area",
         f"fitted number: value [{calibration.confidence:.0%} bootstrap interval]",
     ]
     for v, f in calibration.fits.items():
@@ -219,12 +238,16 @@ def write_calibration(calibration: Calibration, path: str | Path) -> None:
 
 
 def _check_settings(
-    bounds: Mapping[str, tuple[float, float]], parameters: FloatArray, n_bootstrap: int, confidence: float
+    bounds: Mapping[str, tuple[float, float]],
+    variables: tuple[str, ...],
+    parameters: FloatArray,
+    n_bootstrap: int,
+    confidence: float,
 ) -> None:
     for v, (lower, upper) in bounds.items():
-        if v not in VARIABLES:
-            raise MeasurementError(f"bounds are given for {v!r}; known variables: {', '.join(VARIABLES)}")
-        column = parameters[:, VARIABLES.index(v)]
+        if v not in variables:
+            raise MeasurementError(f"bounds are given for {v!r}; known variables: {', '.join(variables)}")
+        column = parameters[:, variables.index(v)]
         if not lower <= column.min() <= column.max() <= upper or not lower < upper:
             raise MeasurementError(
                 f"the bounds of {v} are {lower:g} to {upper:g} {UNITS[v]}, but devices reach from "

@@ -21,7 +21,7 @@ import click
     "given",
     multiple=True,
     metavar="X=LOWER:UPPER",
-    help="Bounds of D, G, E or T known from the process [µm, GPa]; repeatable.",
+    help="Bounds of D, G, E, T (or K, f, U_pi) known from the process; repeatable.",
 )
 @click.option("--plate-area", type=float, default=16_700.0, show_default=True, help="Plate area [µm²].")
 @click.option("--bootstrap", type=int, default=500, show_default=True, help="Bootstrap samples.")
@@ -41,7 +41,7 @@ def calibrate(
     figure: str | None,
     as_json: bool,
 ) -> None:
-    """Fit a population to device measurements (gap, travel, thickness, pull-in voltage)."""
+    """Fit a population to device measurements: gap, travel, and thickness with pull-in voltage, or a resonance."""
     from softclose.population.calibrate import calibrate as fit
     from softclose.population.calibrate import write_calibration
     from softclose.population.measurements import read_measurements
