@@ -548,9 +548,7 @@ class CampaignConfig:
         t = self.temperature
         tables = {"stiffness": t.stiffness, "gap_um": t.gap_um, "travel_um": t.travel_um}
         if not t.low_C <= t.high_C:
-            raise ValueError(
-                f"temperature.low_C is {t.low_C:g} and high_C {t.high_C:g}; the range must not be reversed"
-            )
+            raise ValueError(f"temperature.low_C is {t.low_C:g} and high_C {t.high_C:g}; it must not be reversed")
         if not t.celsius:
             if any(tables.values()) or t.low_C != t.high_C:
                 raise ValueError("temperature.celsius is missing: give the temperatures of the tables")
