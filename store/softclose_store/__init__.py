@@ -22,7 +22,7 @@ from softclose_store.read.arrays import read_switches
 from softclose_store.read.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
 from softclose_store.schema.digests import assessed_digest, canonical_json, fingerprint_of, proposals_digest
 from softclose_store.schema.fields import IMPACT_QUANTITIES, QUANTITIES, SCHEMA_VERSION
-from softclose_store.schema.layout import Layout, StageLayout
+from softclose_store.schema.layout import MIN_INNER, Layout, StageLayout, largest_inner
 from softclose_store.write.block import write_block
 from softclose_store.write.create import StoreState, create_campaign, store_state
 from softclose_store.write.driver import DriverStore
@@ -30,6 +30,7 @@ from softclose_store.write.extend import extend_campaign
 
 __all__ = [
     "IMPACT_QUANTITIES",
+    "MIN_INNER",
     "QUANTITIES",
     "SCHEMA_VERSION",
     "Best",
@@ -64,6 +65,7 @@ __all__ = [
     "extend_campaign",
     "fingerprint_of",
     "group_attributes",
+    "largest_inner",
     "list_groups",
     "lock_holder",
     "open_campaign",

@@ -56,6 +56,17 @@ def test_blocks_divide_the_waves_and_hold_no_more_than_was_asked_for(
     assert layout.block_switches * n_blocks - n_switches < n_blocks  # equal parts, but for one switch
 
 
+def test_an_ensemble_whose_blocks_cannot_be_cut_gets_one_block_more() -> None:
+    """13,829 is a prime above the largest inner chunk; the automatic block of 885,056 switches is as many."""
+    config = load_config("current", ["population.n_switches=13829", "compute.block_switches=13829"])
+    (layout,) = stage_layouts(config, waves("search", [1], 13_829))
+    assert layout.block_switches == 6915
+    automatic = load_config("current", ["population.n_switches=885056"])
+    assert automatic.block_switches == 13_829
+    (layout,) = stage_layouts(automatic, waves("search", [1], 885_056))
+    assert layout.block_switches == 13_617
+
+
 def test_stages_keep_their_order_and_their_own_sizes() -> None:
     config = load_config("current")
     both = [*waves("search", [20, 4], 1_000), *waves("finish", [8], 4_096)]

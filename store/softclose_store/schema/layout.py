@@ -41,6 +41,11 @@ RESERVED = frozenset({"runtime", "records", "words", "surrogate", "digests", "wa
 """Names at a store's root that no stage may take."""
 
 
+def largest_inner(block_switches: int) -> int:
+    """The most switches of an inner chunk that divide a block of more than one chunk; too few below MIN_INNER."""
+    return next(d for d in range(min(MAX_INNER, block_switches), 0, -1) if block_switches % d == 0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageLayout:
     """Sizes of one stage: its candidates, its ensemble, and how both are cut into blocks."""
@@ -124,7 +129,7 @@ class StageLayout:
         if self.block_switches <= MAX_INNER:
             most = MAX_INNER // self.block_switches
             return next(d for d in range(most, 0, -1) if self.block_candidates % d == 0), self.block_switches
-        switches = next(d for d in range(MAX_INNER, 0, -1) if self.block_switches % d == 0)
+        switches = largest_inner(self.block_switches)
         if switches < MIN_INNER:
             n = self.block_switches
             raise LayoutError(

@@ -5,12 +5,13 @@ Everything here follows from the configuration alone, never from the number of w
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
 from softclose.config import CampaignConfig
 from softclose.propose.protocol import Wave
-from softclose_store import StageLayout
+from softclose_store import MIN_INNER, StageLayout, largest_inner
 
 
 def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageLayout, ...]:
@@ -36,8 +37,13 @@ def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageL
 
 
 def _block_switches(n_switches: int, wanted: int) -> int:
-    """Equal parts of the ensemble, none larger than wanted."""
-    return math.ceil(n_switches / math.ceil(n_switches / wanted))
+    """Equal parts of the ensemble, none larger than wanted: the fewest that the store can cut into chunks.
+
+    A prime above the largest chunk cannot be cut; one part more has another size.
+    """
+    parts = itertools.count(math.ceil(n_switches / wanted))
+    sizes = (math.ceil(n_switches / n) for n in parts)
+    return next(size for size in sizes if largest_inner(size) >= min(size, MIN_INNER))
 
 
 def _block_candidates(sizes: Sequence[int], n_switches: int, wanted: int) -> int:
