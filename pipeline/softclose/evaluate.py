@@ -20,7 +20,6 @@ from softclose.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of,
 from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Sampling
-from softclose.population.trim import Scales
 from softclose.temperature import heated, spread
 from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
 from softclose.waveform import Drive, FloatArray, Trace, Waveform, WaveformError
@@ -142,11 +141,6 @@ def own_settings(config: CampaignConfig) -> dict[str, Any]:
     return settings
 
 
-def equal_switches(config: CampaignConfig) -> bool:
-    """Whether a scaled drive is the common one on another switch: Eqs. 1-2 scale, losses and further modes do not."""
-    return config.model.name == SINGLE_MODE and config.model.build_losses().none
-
-
 def _responses(
     config: CampaignConfig,
     simulate: Simulate,
@@ -157,21 +151,22 @@ def _responses(
     times_us: Any,
 ) -> Responses:
     """Every switch under its own drive, where the campaign trims, or under the waveform."""
-    model = config.model
-    if switches.shape[1] == N_PARAMETERS or (config.trim.measured == "nothing" and not config.amplifier.scatters):
-        return simulate(switches[:, :N_PARAMETERS], waveform)
-    if config.amplifier.scatters and equal_switches(config):  # whatever the drive's form
-        scales = Scales(voltage=switches[:, N_PARAMETERS], time=switches[:, N_PARAMETERS + 1])
-        return by_equal_switches(simulate, switches[:, :N_PARAMETERS], waveform, scales)
-    if isinstance(waveform, Trace):
+    model, plain, scatters = config.model, switches[:, :N_PARAMETERS], config.amplifier.scatters
+    if switches.shape[1] == N_PARAMETERS or (config.trim.measured == "nothing" and not scatters):
+        return simulate(plain, waveform)
+    # A scaled drive is the common one on another switch: Eqs. 1-2 scale, losses and further modes do not.
+    equal = model.name == SINGLE_MODE and model.build_losses().none
+    if not isinstance(waveform, Trace):
+        waveform.check(max_volts, model.horizon_us)
+    elif not (scatters and equal):
         raise WaveformError(
             "a sampled drive is not scaled for a switch: simulate it as it is, on columns D, G, K and M (an "
             "[amplifier] that scatters goes with single-mode only, or without bandwidth, slew limit, offset and delay)"
         )
-    waveform.check(max_volts, model.horizon_us)
-    scales, plain = drive_scales(config, switches, waveform), switches[:, :N_PARAMETERS]
-    if equal_switches(config):
+    scales = drive_scales(config, switches, waveform)
+    if equal:
         return by_equal_switches(simulate, plain, waveform, scales)
+    assert isinstance(waveform, Waveform)
     anything = partial(simulate, max_volts=math.inf)
     return drive_by_drive(anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=times_us)
 

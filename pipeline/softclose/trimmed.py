@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softclose.population.trim import Scales, effective, limited
-from softclose.waveform import Drive, FloatArray, Pulse, Waveform
+from softclose.waveform import Drive, FloatArray, Pulse, Trace, Waveform
 
 if TYPE_CHECKING:
     from softclose.config import CampaignConfig
@@ -22,14 +22,17 @@ _TIMES = ("first_contact_us", "settling_us", "impact_time_us")
 _SPEEDS = ("max_contact_speed", "final_v", "impact_speed", "v")
 
 
-def drive_scales(config: CampaignConfig, lot: FloatArray, waveform: Waveform) -> Scales:
-    """The scales of each switch's drive under one waveform, within the campaign's limits; lot: (n, 6)."""
+def drive_scales(config: CampaignConfig, lot: FloatArray, waveform: Drive) -> Scales:
+    """The scales of each switch's drive under one waveform; lot: (n, 6)."""
     return limited_scales(config, Scales(voltage=lot[:, 4], time=lot[:, 5]), waveform)
 
 
-def limited_scales(config: CampaignConfig, asked: Scales, waveform: Waveform) -> Scales:
-    """What of the scales asked for is given under one waveform: all, unless the campaign keeps its drive's limits."""
-    if not config.trim.keep_limits:
+def limited_scales(config: CampaignConfig, asked: Scales, waveform: Drive) -> Scales:
+    """What of the scales asked for is given under one waveform: all, unless trim keeps its drive's limits.
+
+    An amplifier's errors know no limits.
+    """
+    if not config.trim.keep_limits or config.trim.measured == "nothing" or isinstance(waveform, Trace):
         return asked
     return limited(
         asked,

@@ -178,6 +178,19 @@ def test_random_errors_reach_a_delivered_drive_and_a_model_of_losses() -> None:
         respond(both, switches, DRIVE)
 
 
+def test_a_random_error_is_not_held_within_the_limits_of_the_command() -> None:
+    """The search keeps waveform.max_volts; an amplifier whose gain is high delivers more."""
+    config = load_config({}, [*SCATTER, "model.quality_factor=30", "waveform.max_volts=138"])
+    lot = draw(config, 12, seed=5)
+    i = int(lot[:, 4].argmax())
+    a, b = lot[i, 4:]
+    assert a > 1.005
+    own = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
+    found = respond(config, lot, DRIVE)
+    alone = respond(load_config({}, ["model.quality_factor=30"]), lot[i : i + 1, :4], own)
+    assert found.max_contact_speed[i] == pytest.approx(alone.max_contact_speed[0], rel=1e-9)
+
+
 def test_trim_and_random_errors_exclude_each_other() -> None:
     with pytest.raises(ConfigError, match="leave one of them out"):
         load_config({}, [*SCATTER, "trim.measured=pull-in"])
