@@ -54,30 +54,25 @@ ONE_MODE = ReducedOrder(mode=(Mode(frequency_kHz=20.0),))
 """Eqs. 1-2: a lot's K and M say everything of one mode."""
 
 
-def modal_devices(switches: FloatArray, plate_area_um2: float, losses: Losses, modes: ReducedOrder) -> FloatArray:
-    """(n, 8) of `modal.run_block`."""
-    out = np.empty((len(switches), 8))
-    out[:, :2] = switches[:, :2]
-    out[:, 2] = 0.5e3 * EPSILON_0 * plate_area_um2
-    out[:, 3] = losses.film(plate_area_um2)
-    out[:, 4] = 1e-3 * losses.adhesion_uN
-    out[:, 5] = switches[:, 3]
-    out[:, 6] = 1e-3 * switches[:, 2]
-    out[:, 7] = modes.capacitance.gap_um / switches[:, 1] if modes.capacitance else 1.0
-    return out
-
-
-def _ratios(modes: ReducedOrder, losses: Losses) -> FloatArray:
+def _modal_inputs(
+    switches: FloatArray, plate_area_um2: float, losses: Losses, modes: ReducedOrder
+) -> tuple[FloatArray, ...]:
+    """Devices, ratios, contact, knots and slopes of `modal.run_block`."""
+    table = np.empty((len(switches), 8))
+    table[:, :2] = switches[:, :2]
+    table[:, 2] = 0.5e3 * EPSILON_0 * plate_area_um2
+    table[:, 3] = losses.film(plate_area_um2)
+    table[:, 4] = 1e-3 * losses.adhesion_uN
+    table[:, 5] = switches[:, 3]
+    table[:, 6] = 1e-3 * switches[:, 2]
+    table[:, 7] = modes.capacitance.gap_um / switches[:, 1] if modes.capacitance else 1.0
     ratios = modes.ratios()
     if losses.quality_factor:
         ratios[:, 2] = 1.0 / losses.quality_factor
-    return ratios
-
-
-def _contact(modes: ReducedOrder) -> FloatArray:
-    """(3,) stiffness [mN/µm^exponent], exponent, loss; 0 stiffness: rigid."""
-    c = modes.contact
-    return np.zeros(3) if c is None else np.array([1e-3 * c.stiffness_N_per_m, c.exponent, c.loss_us_per_um])
+    c = modes.contact  # (3,) stiffness [mN/µm^exponent], exponent, loss; no stiffness: rigid
+    contact = np.zeros(3) if c is None else np.array([1e-3 * c.stiffness_N_per_m, c.exponent, c.loss_us_per_um])
+    knots, slopes = modes.capacitance.slope() if modes.capacitance else (np.zeros(0), np.zeros((1, 0)))
+    return table, ratios, contact, knots, slopes
 
 
 def run(
@@ -113,32 +108,23 @@ def run(
         x=np.empty((n_rows, len(times_us)), dtype=dtype),
         v=np.empty((n_rows, len(times_us)), dtype=dtype),
     )
-    n_modes = 0
-    several = modes is not None or not losses.none
-    if several:
-        modes = modes or ONE_MODE
-        n_modes = len(modes.mode)
-        peaks = np.empty((n, n_modes))
-        out = replace(out, peaks=peaks)
-        knots, slopes = modes.capacitance.slope() if modes.capacitance else (np.zeros(0), np.zeros((1, 0)))
-        table = modal_devices(switches, plate_area_um2, losses, modes)
-        leading: tuple[Any, ...] = (table, _ratios(modes, losses), _contact(modes), knots, slopes)
-    else:
-        leading = (devices(switches, plate_area_um2),)
-    samples: tuple[NDArray[Any], ...] = (out.x, out.v)
     block = rk.run_block
-    if several:
+    leading: tuple[NDArray[Any], ...] = (devices(switches, plate_area_um2),)
+    samples: tuple[NDArray[Any], ...] = (out.x, out.v)
+    if modes is not None or not losses.none:
         from softclose.kernel import modal
 
-        block = modal.block(n_modes)
-        samples = (out.x, out.v, peaks)
+        modes = modes or ONE_MODE
+        peaks = np.empty((n, len(modes.mode)))
+        out = replace(out, peaks=peaks)
+        block, samples = modal.block(len(modes.mode)), (out.x, out.v, peaks)
+        leading = _modal_inputs(switches, plate_area_um2, losses, modes)
     elif method == "taylor":
         block = taylor.run_block
         unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
         samples = (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
 
     def work(lo: int, hi: int) -> None:
-        scratch = (np.zeros((26, max(7, 2 * n_modes))),) if several else ()
         block(
             lo,
             hi,
@@ -158,7 +144,6 @@ def run(
             out.impact_time,
             out.impact_speed,
             *samples,
-            *scratch,
         )
 
     threads = min(threads, n)

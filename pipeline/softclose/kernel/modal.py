@@ -13,13 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numba import njit
 from scipy.integrate import DOP853
 
 from softclose.kernel.pieces import voltage
+from softclose.kernel.results import store
 from softclose.kernel.source import UNCOUNTED, fingerprint
 
 FREE, HELD, TOUCHING = 0, 1, 2
@@ -115,18 +116,21 @@ def _dense(f, start, theta):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _first_root(fx, x0, fv, v0, travel):  # type: ignore[no-untyped-def]
-    """First theta in (0, 1] at which x comes up to the travel, on the dense output of x and v; -1 where it does not."""
-    a, va = 0.0, v0
+def _first_root(fx, x0, fv, v0, travel, way):  # type: ignore[no-untyped-def]
+    """First theta in (0, 1] at which x comes to the travel, on the dense output of x and v; -1 where it does not.
+
+    way: 1 from below, -1 from above, the same search on the mirror image.
+    """
+    a, va = 0.0, way * v0
     for look in range(1, _LOOKS + 1):
         b = look / _LOOKS
-        vb = _dense(fv, v0, b)
+        vb = way * _dense(fv, v0, b)
         lo, hi = a, b
         if va * vb < 0.0 or (va == 0.0 and vb > 0.0):
             p, q = a, b
             for _ in range(50):
                 m = 0.5 * (p + q)
-                if (_dense(fv, v0, m) > 0.0) == (vb > 0.0):
+                if (way * _dense(fv, v0, m) > 0.0) == (vb > 0.0):
                     q = m
                 else:
                     p = m
@@ -134,10 +138,10 @@ def _first_root(fx, x0, fv, v0, travel):  # type: ignore[no-untyped-def]
                 lo = q
             else:
                 hi = p
-        if (vb > 0.0 or hi < b) and _dense(fx, x0, hi) >= travel:
+        if (vb > 0.0 or hi < b) and way * (_dense(fx, x0, hi) - travel) >= 0.0:
             for _ in range(50):
                 m = 0.5 * (lo + hi)
-                if _dense(fx, x0, m) < travel:
+                if way * (_dense(fx, x0, m) - travel) < 0.0:
                     lo = m
                 else:
                     hi = m
@@ -267,16 +271,8 @@ def _run_switch(  # type: ignore[no-untyped-def]
                         dv += DENSE[r, s] * as_
                     fx[3 + r] = hs * dx
                     fv[3 + r] = hs * dv
-                if state == FREE and crossing:
-                    theta = _first_root(fx, x0, fv, v0, travel)
-                elif state == TOUCHING and crossing:
-                    for r in range(7):  # the same search on the mirror image
-                        fx[r] = -fx[r]
-                        fv[r] = -fv[r]
-                    theta = _first_root(fx, -x0, fv, -v0, -travel)
-                    for r in range(7):
-                        fx[r] = -fx[r]
-                        fv[r] = -fv[r]
+                if crossing:
+                    theta = _first_root(fx, x0, fv, v0, travel, 1.0 if state == FREE else -1.0)
                 if theta >= 0.0:
                     t_next = min(t + theta * hs, end)
                 while i_time < n_times and times[i_time] <= t_next:
@@ -404,7 +400,7 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
                 modes[j, 2] = ratios[j, 2] * math.sqrt(modes[j, 1])
                 modes[j, 3] = ratios[j, 3]
                 modes[j, 4] = ratios[j, 4]
-            v_max, first, settled, count, x, v, held, code = _run_switch(
+            found = _run_switch(
                 n_modes,
                 (
                     devices[i, 0],
@@ -437,19 +433,17 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
                 fx,
                 fv,
             )
-            metrics[0, i] = v_max
-            metrics[1, i] = first
-            metrics[2, i] = settled
-            metrics[3, i] = x
-            metrics[4, i] = v
-            n_impacts[i] = count
-            closed[i] = held
-            status[i] = code
+            store(i, found, metrics, n_impacts, closed, status)
 
     return cast("Callable[..., None]", run_block)
 
 
 @lru_cache
 def block(n_modes: int) -> Callable[..., None]:
-    """The kernel for that number of modes: a number that the compiler knows makes its sums twice as fast."""
-    return _build(fingerprint(), n_modes)
+    """`run_block` for that number of modes, but for its scratch: a number known to the compiler doubles the speed."""
+    compiled = _build(fingerprint(), n_modes)
+
+    def run(*arguments: Any) -> None:
+        compiled(*arguments, np.zeros((26, max(7, 2 * n_modes))))
+
+    return run

@@ -14,6 +14,7 @@ from numba import njit
 
 from softclose.kernel.pieces import voltage
 from softclose.kernel.release import release_time
+from softclose.kernel.results import store
 from softclose.kernel.source import fingerprint
 
 _MIN_STEP_US = 1e-13
@@ -254,7 +255,7 @@ def _build(source: int) -> Callable[..., None]:
         for i in range(lo, hi):
             row = i if impact_time.shape[1] > 0 else 0
             out = i if times.shape[0] > 0 else 0
-            v_max, first, settled, n, x, v, held, code = _run_switch(
+            found = _run_switch(
                 devices[i, 0],
                 devices[i, 1],
                 devices[i, 2],
@@ -273,14 +274,7 @@ def _build(source: int) -> Callable[..., None]:
                 impact_speed[row],
                 stages,
             )
-            metrics[0, i] = v_max
-            metrics[1, i] = first
-            metrics[2, i] = settled
-            metrics[3, i] = x
-            metrics[4, i] = v
-            n_impacts[i] = n
-            closed[i] = held
-            status[i] = code
+            store(i, found, metrics, n_impacts, closed, status)
 
     return cast("Callable[..., None]", run_block)
 

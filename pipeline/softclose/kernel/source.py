@@ -21,6 +21,6 @@ def fingerprint() -> int:
     closes over, so an entry point that closes over this number is compiled again whenever one of the files changes.
     """
     crc = 0
-    for name in ("series", "contact", "release", "pieces", "rk", "taylor", "modal"):
+    for name in ("series", "contact", "release", "pieces", "results", "rk", "taylor", "modal"):
         crc = zlib.crc32((Path(__file__).parent / f"{name}.py").read_bytes(), crc)
     return crc

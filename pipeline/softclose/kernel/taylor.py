@@ -16,6 +16,7 @@ from numba import njit
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
 from softclose.kernel.pieces import voltage
 from softclose.kernel.release import release_time
+from softclose.kernel.results import store
 from softclose.kernel.series import (
     ORDER,
     TERMS,
@@ -318,7 +319,7 @@ def _build(source: int) -> Callable[..., None]:
         for i in range(lo, hi):
             row = i if times.shape[0] > 0 else 0
             event_row = i if impact_time.shape[1] > 0 else 0
-            v_max, first, settled, n, x, v, held, code = _run_switch(
+            found = _run_switch(
                 devices[i, 0],
                 devices[i, 1],
                 devices[i, 2],
@@ -340,14 +341,7 @@ def _build(source: int) -> Callable[..., None]:
                 impact_time,
                 impact_speed,
             )
-            metrics[0, i] = v_max
-            metrics[1, i] = first
-            metrics[2, i] = settled
-            metrics[3, i] = x
-            metrics[4, i] = v
-            n_impacts[i] = n
-            closed[i] = held
-            status[i] = code
+            store(i, found, metrics, n_impacts, closed, status)
 
     return cast("Callable[..., None]", run_block)
 

@@ -21,12 +21,6 @@ def pareto_front(v_u_cm_s: ArrayLike, p_nc: ArrayLike) -> NDArray[np.intp]:
     return np.asarray(order[v[order] < lowest])
 
 
-def objectives(v_u_cm_s: ArrayLike, p_nc: ArrayLike, *, undefined_v_u_cm_s: float) -> NDArray[np.float64]:
-    """(n, 2) v_u [cm/s] and p_nc, both to be small; an undefined v_u counts as given."""
-    v, p = np.asarray(v_u_cm_s, dtype=np.float64), np.asarray(p_nc, dtype=np.float64)
-    return np.stack([np.where(np.isfinite(v), v, undefined_v_u_cm_s), p], axis=1)
-
-
 def hypervolume(v_u_cm_s: ArrayLike, p_nc: ArrayLike, *, worst_v_u_cm_s: float) -> float:
     """Area [cm/s] that a front dominates, below v_u = worst and p_nc = 1: it grows as the front gets better.
 

@@ -18,15 +18,14 @@ from softclose.naming import did_you_mean
 from softclose.plate import A1, mass, stiffness
 from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError, portable
-from softclose.population.laws import LAWS, OWN
+from softclose.population.laws import LAWS, UNITS
 from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.population.population import Population
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
 
-_VARIABLES = ("D", "G", *dict.fromkeys(OWN))
-_TOP = ("name", "description", "plate_area_um2", "base", *_VARIABLES, "correlation", "targets", "transform")
+_TOP = ("name", "description", "plate_area_um2", "base", *UNITS, "correlation", "targets", "transform")
 _TARGETS = ("mean_M_ug", "mean_K_N_per_m")
 _TRANSFORMS = ("shift_mean", "repeatability")
 _KEYS = {
@@ -163,7 +162,7 @@ def _build(data: Mapping[str, Any], base: Population | None) -> Population:
 
 def _pair(data: Mapping[str, Any], base: Population | None) -> tuple[str, str]:
     """The variables beside D and G: those of the file's own, else those of its base."""
-    own = [v for v in dict.fromkeys(OWN) if v in data]
+    own = [v for v in UNITS if v in data and v not in ("D", "G")]
     fitting = [pair for pair in LAWS if all(v in pair for v in own)]
     inherited = base.law.variables if base is not None else ("E", "T")
     if not fitting:
@@ -178,9 +177,9 @@ def _correlation(table: Mapping[str, Any]) -> tuple[Correlation, ...]:
     found = []
     for key in table:
         a, dash, b = str(key).partition("-")
-        if not (dash and a in _VARIABLES and b in _VARIABLES):
+        if not (dash and a in UNITS and b in UNITS):
             raise PopulationError(
-                f"[correlation] {key!r} is no pair of variables; write two of {', '.join(_VARIABLES)}, as E-T = 0.78"
+                f"[correlation] {key!r} is no pair of variables; write two of {', '.join(UNITS)}, as E-T = 0.78"
             )
         try:
             found.append((a, b, _number(table, key)))

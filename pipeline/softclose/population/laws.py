@@ -51,6 +51,4 @@ LAWS: Mapping[tuple[str, str], Law] = {
 (Eq. 3 solved for K) and resonance."""
 
 UNITS = {"D": "µm", "G": "µm", "E": "GPa", "T": "µm", "K": "N/m", "M": "µg", "f": "kHz", "U_pi": "V"}
-"""Unit of every variable of a lot."""
-OWN = tuple(v for law in LAWS for v in law)
-"""Every variable that a law may have beside D and G."""
+"""Every variable that a lot may have, and its unit."""

@@ -18,7 +18,7 @@ from softclose.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 from softclose.population import copula
 from softclose.population.copula import Correlation
 from softclose.population.distributions import PopulationError, portable
-from softclose.population.laws import LAWS, OWN, Law
+from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
 
@@ -61,7 +61,7 @@ class Population:
     """Rank correlations of pairs of variables, in a Gaussian copula; pairs that are not named are independent."""
 
     def __post_init__(self) -> None:
-        given = tuple(v for v in dict.fromkeys(OWN) if getattr(self, v) is not None)
+        given = tuple(v for v in UNITS if v not in ("D", "G") and getattr(self, v) is not None)
         if not any(set(given) == set(pair) for pair in LAWS):
             pairs = ", ".join(" and ".join(pair) for pair in LAWS)
             raise PopulationError(f"a lot has {', '.join(given) or 'nothing'} beside D and G; give one pair of {pairs}")
@@ -340,7 +340,7 @@ class Population:
     def from_dict(cls, data: Mapping[str, Any]) -> Population:
         """Inverse of `to_dict`. Raises PopulationError where it is no such dictionary."""
         try:
-            marginals = {v: marginal_from_dict(data[v]) for v in ("D", "G", *dict.fromkeys(OWN)) if v in data}
+            marginals = {v: marginal_from_dict(data[v]) for v in UNITS if v in data}
             area = data.get("plate_area_um2")
             return cls(
                 name=str(data["name"]),

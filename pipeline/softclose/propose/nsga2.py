@@ -7,13 +7,13 @@ alone and a killed campaign goes on with the same bits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from softclose.metrics.pareto import objectives
 from softclose.plugins import EngineError
 from softclose.propose.origins import NSGA2, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, even_waves, search_history
@@ -66,10 +66,11 @@ def _offspring(problem: Problem, seen: Sequence[Observation], wave: Wave) -> Any
     cube = Cube(n_var=space.dim, n_obj=2, xl=0.0, xu=1.0)
     coordinates, kept = space.coordinates_of_all([o.waveform for o in seen])
     worst = problem.config.objective.undefined_v_u_cm_s
-    values = objectives([seen[i].v_u_cm_s for i in kept], [seen[i].p_nc for i in kept], undefined_v_u_cm_s=worst)
+    # An undefined v_u counts as in g.
+    values = [(v if math.isfinite(v := seen[i].v_u_cm_s) else worst, seen[i].p_nc) for i in kept]
     none = np.zeros(0)  # no constraints: the space repairs what is not admissible
     people = Population.create(
-        *(Individual(X=x, F=f, G=none, H=none) for x, f in zip(coordinates, values, strict=True))
+        *(Individual(X=x, F=np.array(f), G=none, H=none) for x, f in zip(coordinates, values, strict=True))
     )
     for person in people:
         person.evaluated.update({"F", "G", "H"})

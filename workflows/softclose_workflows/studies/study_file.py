@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from softclose.config import CampaignConfig, ConfigError, load_config, read_toml
-from softclose.population import UNITS, VARIABLES, Population
+from softclose.population import UNITS, Population
 from softclose.presets import PresetError, find_named
 from softclose_workflows.studies.series import Member
 
@@ -111,10 +111,9 @@ def _study(data: Mapping[str, Any]) -> Study:
     if not isinstance(settings, Mapping):
         raise ConfigError("set is no table; write settings of all campaigns as [set] with keys such as campaign.budget")
     weights, variables = data.get("weights", {}), tuple(data.get("variables", ("D", "G", "T")))
-    known = (*VARIABLES, *(v for v in UNITS if v not in VARIABLES))
     for v in (*weights, *variables):
-        if v not in known:
-            raise ConfigError(f"{v!r} is no variable of a population; it must be one of {', '.join(known)}")
+        if v not in UNITS:
+            raise ConfigError(f"{v!r} is no variable of a population; it must be one of {', '.join(UNITS)}")
     if data["parameter"] == "population.shift_mean" and not weights:
         raise ConfigError("population.shift_mean needs [weights]: the change of each mean per unit of the value")
     return Study(
