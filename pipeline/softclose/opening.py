@@ -18,12 +18,15 @@ from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, respond
 from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_interval, quantile_rank
 from softclose.plate import holding_voltage
+from softclose.propose.descents import strategy
 from softclose.waveform import FloatArray, Pulse, Waveform
 
 BAND = 0.05
 """A switch has settled where its displacement stays within this part of its travel."""
 STEP_US = 0.25
 """Between two looks at a motion [µs]."""
+GENERATION = 12
+"""Brakes that CMA-ES tries between two changes of its mind."""
 REBOUND_COST = 1.0
 """What a brake pays for each switch that touches again, in travels of overshoot."""
 
@@ -178,8 +181,6 @@ def design_brake(
     Waveform
         With the brake as its last pulse; as it was where none is better.
     """
-    import cma
-
     released = waveform.pulses[-1]
     period = 2e3 * math.pi * math.sqrt(np.median(switches[:, 3] / switches[:, 2]) / 1e6)
     highest = min(config.waveform.max_volts, 1.5 * float(np.median(holding_voltage(switches))) + 60.0)
@@ -198,21 +199,11 @@ def design_brake(
 
     draw = np.random.default_rng(np.random.SeedSequence([seed, 19]))
     best, least, done = waveform, cost(waveform), 1
+    descent = strategy(np.array([0.4, 0.3, 0.2, 0.4]), np.ones(4), 0.25, GENERATION, draw)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        strategy = cma.CMAEvolutionStrategy(
-            [0.4, 0.3, 0.2, 0.4],
-            0.25,
-            {
-                "bounds": [0.0, 1.0],
-                "verbose": -9,
-                "seed": math.nan,
-                "randn": lambda n, k: draw.standard_normal((n, k)),
-                "popsize": 12,
-            },
-        )
-        while done + 12 <= budget and not strategy.stop():
-            points = strategy.ask()
+        while done + GENERATION <= budget and not descent.stop():
+            points = descent.ask()
             costs = []
             for p in points:
                 candidate = drive(p)
@@ -222,5 +213,5 @@ def design_brake(
                     best, least = candidate, costs[-1]
                 if listener is not None:
                     listener(done, budget)
-            strategy.tell(points, costs)
+            descent.tell(points, costs)
     return best

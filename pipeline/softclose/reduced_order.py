@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.naming import did_you_mean
+from softclose.tables import check_keys, finite_number
 
 FloatArray = NDArray[np.float64]
 
@@ -169,7 +169,7 @@ class ReducedOrder:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ReducedOrder:
         """Inverse of `to_dict`, and the reader of a file. Raises ReducedOrderError naming the key."""
-        _known(data, ("name", "mode", "capacitance", "contact"), "")
+        check_keys(data, ("name", "mode", "capacitance", "contact"), "", ReducedOrderError)
         modes = data.get("mode", [])
         if not isinstance(modes, Sequence) or isinstance(modes, str):
             raise ReducedOrderError("modes are tables, each under its own [[mode]]")
@@ -246,43 +246,23 @@ def _part(kind: type[Any], data: Any, where: str) -> Any:
     if not isinstance(data, Mapping):
         raise ReducedOrderError(f"{where}{data!r} must be a table of keys")
     known = tuple(kind.__dataclass_fields__)
-    _known(data, known, where)
+    check_keys(data, known, where, ReducedOrderError)
     values: dict[str, Any] = {}
     for key, value in data.items():
         if isinstance(value, Sequence) and not isinstance(value, str):
-            values[key] = tuple(_number(where, key, v) for v in value)
+            values[key] = tuple(finite_number(where + key, v, ReducedOrderError) for v in value)
         else:
-            values[key] = _number(where, key, value)
+            values[key] = finite_number(where + key, value, ReducedOrderError)
     try:
         return kind(**values)
     except TypeError as e:
-        missing = [n for n, f in kind.__dataclass_fields__.items() if n not in values and _required(f)]
+        missing = [n for n, f in kind.__dataclass_fields__.items() if n not in values and f.default is MISSING]
         raise ReducedOrderError(f"{where}{', '.join(missing)} is missing") from e
-
-
-def _required(f: Any) -> bool:
-    blank: Any = field()
-    return f.default is blank.default and f.default_factory is blank.default_factory
-
-
-def _number(where: str, key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ReducedOrderError(f"{where}{key} is {value!r}; it must be a finite number")
-    return float(value)
 
 
 def _within(where: str, key: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
         raise ReducedOrderError(f"{where}{key} is {value:g}; it must be from {low:g} to {high:g}")
-
-
-def _known(data: Mapping[str, Any], allowed: Iterable[str], where: str) -> None:
-    allowed = tuple(allowed)
-    for key in data:
-        if key not in allowed:
-            raise ReducedOrderError(
-                f"{where}unknown key {key!r}; {did_you_mean(str(key), allowed)}known: {', '.join(allowed)}"
-            )
 
 
 def _plain(value: Any) -> Any:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from softclose.config import load_config
-from softclose.evaluate import draw, evaluate
 from softclose.metrics.pareto import hypervolume, pareto_front
 from softclose.plugins import EngineError
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Observation, Problem, load_engine
+from softclose.propose.side_by_side import evaluate, run_engine
 
 pytest.importorskip("pymoo")
 N = 256
@@ -33,30 +34,13 @@ def _problem(budget: int, **settings: Any) -> Problem:
 
 
 def _run(problem: Problem, engine: str = "nsga2") -> list[Observation]:
-    """A whole search on real switches, as a campaign does it."""
-    switches = draw(problem.config, N, seed=1)
-    history: list[Observation] = []
-    loaded = load_engine(engine)
-    for wave in plan(problem):
-        for proposal in loaded.propose_wave(problem, wave, history, ()):  # type: ignore[union-attr]
-            a = evaluate(problem.config, switches, proposal.waveform)
-            history.append(
-                Observation(
-                    index=len(history),
-                    wave=wave.index,
-                    waveform=proposal.waveform,
-                    origin=proposal.origin,
-                    n_switches=N,
-                    g_cm_s=a.g_cm_s,
-                    g_se_cm_s=a.g_se_cm_s,
-                    v_u_cm_s=a.v_u_cm_s,
-                    mean_cm_s=a.mean_cm_s,
-                    p_nc=a.p_nc,
-                    p_contact=a.p_contact,
-                    failed=len(history) % 50 == 49,
-                )
-            )
-    return history
+    """A whole search on real switches, as a campaign does it; every fiftieth candidate has failed."""
+
+    def evaluator(*arguments: Any) -> Observation:
+        found = evaluate(*arguments)
+        return replace(found, failed=found.index % 50 == 49)
+
+    return run_engine(problem.config, engine, evaluator=evaluator)[0]
 
 
 def _volume(history: list[Observation]) -> float:

@@ -6,7 +6,6 @@ A file gives D, G, E and T, or a `base` and what differs from it. See `shipped/`
 from __future__ import annotations
 
 import functools
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -21,6 +20,7 @@ from softclose.population.distributions import Bounded, PopulationError, portabl
 from softclose.population.laws import LAWS, UNITS
 from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.population.population import Population
+from softclose.tables import check_keys, finite_number
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
@@ -316,16 +316,8 @@ def _number(table: Mapping[str, Any], key: str, default: float | None = None) ->
     value = table.get(key, default)
     if value is None:
         raise PopulationError(f"{key} is missing")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise PopulationError(f"{key} is {value!r}; it must be a finite number")
-    return float(value)
+    return finite_number(key, value, PopulationError)
 
 
 def _known(table: Mapping[str, Any], allowed: Iterable[str], where: str) -> None:
-    allowed = tuple(allowed)
-    for key in table:
-        if key not in allowed:
-            place = f"[{where}] " if where else ""
-            raise PopulationError(
-                f"{place}unknown key {key!r}; {did_you_mean(key, allowed)}known: {', '.join(allowed)}"
-            )
+    check_keys(table, allowed, f"[{where}] " if where else "", PopulationError)

@@ -26,6 +26,26 @@ AGAIN = 0.4
 """A run that has converged begins again around its mean, this much as wide as it began."""
 
 
+def strategy(start: FloatArray, widths: FloatArray, sigma: float, generation: int, draw: np.random.Generator) -> Any:
+    """CMA-ES of the library in the unit cube, every random number of it from `draw`.
+
+    widths: (d,) scale of each coordinate about the start: one that begins in the tail of its axis is searched there.
+    """
+    import cma  # imported where it is used: it is slow to import
+
+    options: dict[str, Any] = {
+        "bounds": [0.0, 1.0],
+        "verbose": -9,
+        "seed": math.nan,  # no seeding of numpy's global generator: ours draws
+        "randn": lambda n, d: draw.standard_normal((n, d)),
+        "popsize": generation,
+        "CMA_stds": widths,
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return cma.CMAEvolutionStrategy(np.clip(start, 0.01 * widths, 1.0 - 0.01 * widths), sigma, options)
+
+
 class Descent:
     """One run of CMA-ES in the unit cube."""
 
@@ -40,21 +60,7 @@ class Descent:
         self._asked: FloatArray | None = None
 
     def _begin(self, start: FloatArray, sigma: float) -> Any:
-        import cma  # imported where it is used: it is slow to import
-
-        widths = self._space.widths(start)
-        options: dict[str, Any] = {
-            "bounds": [0.0, 1.0],
-            "verbose": -9,
-            "seed": math.nan,  # no seeding of numpy's global generator: ours draws
-            "randn": lambda n, d: self._draw.standard_normal((n, d)),
-            "popsize": self._generation,
-            # A coordinate that begins in the tail of its axis is searched on the tail's scale.
-            "CMA_stds": widths,
-        }
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return cma.CMAEvolutionStrategy(np.clip(start, 0.01 * widths, 1.0 - 0.01 * widths), sigma, options)
+        return strategy(start, self._space.widths(start), sigma, self._generation, self._draw)
 
     def points(self) -> FloatArray:
         """(generation, d) what it wants to know next; the same until it is told."""
