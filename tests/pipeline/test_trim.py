@@ -49,7 +49,9 @@ def test_a_scaled_drive_moves_a_switch_as_the_drive_itself_moves_an_equal_one(a,
     drive = Waveform([Pulse(0.0, rise, peak, volts), Pulse(40.0, rise, math.inf, 80.0)])
     t = np.linspace(0.0, 39.0, 40)
     own = simulate(switch, scaled(drive, a, b), horizon_us=250.0 * b, times_us=t * b, max_volts=math.inf)
-    equal = simulate(effective(switch, Scales(voltage=np.array([a]), time=np.array([b]))), drive, times_us=t)
+    equal = simulate(
+        effective(switch, Scales(voltage=np.array([a]), time=np.array([b]))), drive, times_us=t, max_volts=math.inf
+    )
     until = np.nan_to_num(equal.first_contact_us, nan=math.inf)[0]
     before = t < until - 1e-6
     np.testing.assert_allclose(own.x[0, before], equal.x[0, before], atol=1e-6)
