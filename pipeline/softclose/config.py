@@ -17,7 +17,7 @@ from pydantic.dataclasses import dataclass
 from softclose.allowed import refusal
 from softclose.losses import Losses
 from softclose.naming import nearest
-from softclose.plugins import ENGINES, MODELS, REDUCED_ORDER, SINGLE_MODE, EngineError, ModelError
+from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, EngineError, ModelError
 from softclose.population import Population, load_population
 from softclose.population.trim import Measured, Scaled, Trim
 from softclose.presets import PresetError, find_preset
@@ -47,6 +47,10 @@ Positive = Annotated[float, Field(gt=0)]
 Volts = Annotated[float, Field(ge=1, le=1000)]
 NotNegative = Annotated[float, Field(ge=0)]
 Probability = Annotated[float, Field(gt=0, lt=1)]
+
+
+FrontObjective = Literal["v_u", "p_nc", "closing", "peak"]
+"""What a front may weigh: upper velocity, switches not closed, closing time of the lot, largest voltage."""
 
 
 class ConfigError(ValueError):
@@ -184,11 +188,20 @@ class TemperatureSection:
     """What the gap G is wider there [µm]."""
     travel_um: tuple[Annotated[float, Field(ge=-1e3, le=1e3)], ...] = ()
     """What the travel D is longer there [µm]."""
+    worst_of: Annotated[int, Field(ge=0, le=64, strict=True)] = 0
+    """Each switch is simulated at so many temperatures, evenly from low_C to high_C, and counts at its worst: its
+    largest V, closed only where it closes at all of them. 0: at one temperature of its own, uniform over the range."""
 
     @property
-    def matters(self) -> bool:
-        """Whether anything changes with it."""
-        return bool(self.celsius)
+    def spreads(self) -> bool:
+        """Whether each switch has a temperature of its own."""
+        return bool(self.celsius) and not self.worst_of
+
+    @property
+    def tried(self) -> tuple[float, ...]:
+        """Temperatures at which every switch is simulated [°C]; (): at its own alone."""
+        n = self.worst_of
+        return tuple(self.low_C + (self.high_C - self.low_C) * k / (n - 1) for k in range(n))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -309,6 +322,25 @@ class ObjectiveSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class OpeningSection:
+    """How the lot is let go again; without an instant, a campaign designs the closing only."""
+
+    release_us: Annotated[float, Field(ge=0, le=MAX_HORIZON_US)] = 0.0
+    """Begin of the fall of the holding pulse [µs], at model.horizon_us or later; 0: the opening is not designed."""
+    brake: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 300
+    """Waveforms tried for a braking pulse after the fall of the best candidate; 0: it falls as it is."""
+    n_switches: Annotated[int, Field(ge=10, le=MAX_COUNT, strict=True)] = 500
+    """Switches of the training ensemble that the brake is designed on, all of a smaller one."""
+    watch_us: Annotated[float, Field(ge=1, le=1e4)] = 200.0
+    """How long the lot is watched after the fall began [µs]."""
+
+    @property
+    def is_designed(self) -> bool:
+        """Whether the campaign designs the opening."""
+        return self.release_us > 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class ReferenceSection:
     """The designs that every result is compared with."""
 
@@ -321,8 +353,10 @@ class OptimiserSection:
     """Who proposes."""
 
     engine: Annotated[str, Field(min_length=1)] = "skopt"
-    """skopt, sobol, paper, direct, cmaes, botorch, nsga2 (v_u against p_nc), or an installed entry point of group
-    softclose.engines."""
+    """skopt, sobol, paper, direct, cmaes, botorch, nsga2 (a front of `objectives`), or an installed entry point of
+    group softclose.engines."""
+    objectives: tuple[FrontObjective, ...] = ("v_u", "p_nc")
+    """nsga2: what it weighs against each other, two to four of v_u, p_nc, closing (time) and peak (volts)."""
     n_initial: Annotated[int, Field(ge=2, le=MOST_IN_A_WAVE, strict=True)] = 20
     """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
     batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4
@@ -450,6 +484,7 @@ class CampaignConfig:
     model: ModelSection = Field(default_factory=ModelSection)
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
+    opening: OpeningSection = Field(default_factory=OpeningSection)
     reference: ReferenceSection = Field(default_factory=ReferenceSection)
     optimiser: OptimiserSection = Field(default_factory=OptimiserSection)
     explore: ExploreSection = Field(default_factory=ExploreSection)
@@ -467,6 +502,7 @@ class CampaignConfig:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
         self._check_model()
         self._check_temperature()
+        self._check_opening()
         # Written out: a store says which area it was computed with, whatever a later version would choose.
         area = self.build_population().plate_area(self.model.plate_area_um2 or None)
         if not AREA_RANGE_UM2[0] <= area <= AREA_RANGE_UM2[1]:
@@ -514,6 +550,12 @@ class CampaignConfig:
                 f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
                 f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
             )
+        objectives = self.optimiser.objectives
+        if not 2 <= len(objectives) == len({*objectives}):
+            raise ValueError(
+                f"optimiser.objectives is {list(objectives)!r}; it must be two to four different ones of v_u, p_nc, "
+                "closing and peak"
+            )
         self._check_extensions()
         self._choose_blocks()
         n, block = self.n_switches_max, self.compute.block_switches
@@ -550,9 +592,14 @@ class CampaignConfig:
         if not t.low_C <= t.high_C:
             raise ValueError(f"temperature.low_C is {t.low_C:g} and high_C {t.high_C:g}; it must not be reversed")
         if not t.celsius:
-            if any(tables.values()) or t.low_C != t.high_C:
+            if any(tables.values()) or t.low_C != t.high_C or t.worst_of:
                 raise ValueError("temperature.celsius is missing: give the temperatures of the tables")
             return
+        if t.worst_of and (t.worst_of == 1 or t.low_C == t.high_C):
+            raise ValueError(
+                f"temperature.worst_of is {t.worst_of} from {t.low_C:g} to {t.high_C:g} °C; it must be 0, or 2 and "
+                "more over a range that is one"
+            )
         if len(t.celsius) < 2 or list(t.celsius) != sorted(set(t.celsius)):
             raise ValueError("temperature.celsius must list two or more temperatures, rising")
         for name, values in tables.items():
@@ -575,6 +622,26 @@ class CampaignConfig:
                     f"at {celsius:g} °C travels are {shortest:g} to {longest:g} µm and gaps go down to {narrowest:g} "
                     "µm; every switch needs 0 < D < G: check temperature.travel_um and gap_um"
                 )
+
+    def _check_opening(self) -> None:
+        release = self.opening.release_us
+        if not release:
+            return
+        if release < self.model.horizon_us:
+            raise ValueError(
+                f"opening.release_us is {release:g}; the closing is judged until model.horizon_us "
+                f"{self.model.horizon_us:g}: let go then or later"
+            )
+        others = {
+            "[trim] scales the drive of each switch": self.trim.measured != "nothing",
+            "amplifier.gain_error and time_error scale the drive of each switch": self.amplifier.scatters,
+            "temperature.worst_of tells of each switch only the worst": self.temperature.worst_of > 0,
+            f"waveform.space {self.waveform.space} lets go by itself": self.waveform.space.endswith("-release"),
+            "the devices themselves are measured": self.model.name == MEASURED,
+        }
+        for why, clashes in others.items():
+            if clashes:
+                raise ValueError(f"opening.release_us is {release:g}, and {why}: leave one of them out")
 
     def build_reduced_order(self) -> ReducedOrder:
         """The modes, from their stored description."""
@@ -745,6 +812,7 @@ _SECTIONS = (
     ModelSection,
     WaveformSection,
     ObjectiveSection,
+    OpeningSection,
     ReferenceSection,
     OptimiserSection,
     ExploreSection,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from softclose.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of,
 from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Sampling
-from softclose.temperature import heated, spread
+from softclose.temperature import heated, spread, worse
 from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
 from softclose.waveform import Drive, FloatArray, Trace, Waveform, WaveformError
 
@@ -49,7 +49,7 @@ def draw(
     """
     switches = config.build_population().sample(n, seed=seed, sampling=sampling, start=start, stream=stream)
     lot = _with_drives(config, switches, seed=seed, start=start, stream=stream)
-    if not config.temperature.matters:
+    if not config.temperature.spreads:
         return lot
     return heated(config.temperature, lot, spread(config.temperature, n, seed=seed, start=start, stream=stream))
 
@@ -111,6 +111,7 @@ def respond(
     each by the waveform scaled for it, within the limits (ADR 066). Their sampled x and v are those at the time scale
     times `times_us`.
     A waveform goes through the campaign's amplifier; a trace is what one has delivered already.
+    Where the campaign tries temperatures (`temperature.worst_of`), each switch's response is that at its worst.
     Where the objective has an instant by which switches have to be closed, `closed` means by then.
     max_volts [V]: above it WaveformError; reference designs and faulty drives are simulated whatever the campaign's
     limit. outputs: `times_us`, `max_impacts`, `dtype` and `threads` of the device model.
@@ -127,7 +128,12 @@ def respond(
         method=compute.method,
         **{"horizon_us": model.horizon_us, "max_volts": max_volts} | own_settings(config) | outputs,
     )
-    found = _responses(config, simulate, switches, waveform, max_volts=max_volts, times_us=outputs.get("times_us"))
+
+    def at(lot: FloatArray) -> Responses:
+        return _responses(config, simulate, lot, waveform, max_volts=max_volts, times_us=outputs.get("times_us"))
+
+    t = config.temperature
+    found = reduce(worse, (at(heated(t, switches, celsius)) for celsius in t.tried)) if t.tried else at(switches)
     limit = config.objective.closed_by_us
     return replace(found, closed=found.closed & (found.settling_us <= limit)) if limit else found
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, respond
@@ -27,6 +28,8 @@ STEP_US = 0.25
 """Between two looks at a motion [µs]."""
 GENERATION = 12
 """Brakes that CMA-ES tries between two changes of its mind."""
+LEAST_HELD = 10
+"""Switches that have to be held when the fall begins, for a lot to be judged."""
 REBOUND_COST = 1.0
 """What a brake pays for each switch that touches again, in travels of overshoot."""
 
@@ -35,12 +38,34 @@ class OpeningError(ValueError):
     """A release that cannot be judged."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Opening:
-    """What the switches that were closed do after the drop."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Released:
+    """What each switch did after the drop."""
 
     waveform: Waveform
     """The whole drive: closing, holding, release."""
+    held: NDArray[np.bool_]
+    """(n,) held when the fall began; of the others nothing is said."""
+    stuck: NDArray[np.bool_]
+    """(n,) held, and never leaving the contact."""
+    rebound: NDArray[np.bool_]
+    """(n,) touching the contact again after it left."""
+    overshoot: FloatArray
+    """(n,) largest displacement beyond rest, in travels D; NaN where it was not held."""
+    settling_us: FloatArray
+    """(n,) time from the begin of the fall to |x| within `BAND` D for good [µs]; inf: not in time, NaN: not held."""
+    times_us: FloatArray
+    """(n_time,) instants from the begin of the fall [µs]."""
+    quantiles: FloatArray
+    """(3, n_time) 5 %, 50 % and 95 % quantiles of x / D of those that were held; NaN where none was."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Opening:
+    """How a lot that was closed opens."""
+
+    released: Released
+    """Its switches."""
     n: int
     """Switches that were held when the fall began; the others are not judged."""
     p_stuck: Proportion
@@ -55,10 +80,18 @@ class Opening:
     """Level-quantile of the time from the begin of the fall to |x| within `BAND` D for good [µs]; inf: not in time."""
     settling_interval: Interval
     """Distribution-free, by order statistics [µs]."""
-    times_us: FloatArray
-    """(n_time,) instants from the begin of the fall [µs]."""
-    quantiles: FloatArray
-    """(3, n_time) 5 %, 50 % and 95 % quantiles of x / D."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Openings:
+    """One lot's opening, without and with a brake."""
+
+    at_us: float
+    """Begin of the fall [µs]."""
+    plain: Opening
+    """The holding pulse falls."""
+    braked: Opening | None
+    """None where there is no brake."""
 
 
 def opened(waveform: Waveform, at_us: float) -> Waveform:
@@ -73,79 +106,108 @@ def opened(waveform: Waveform, at_us: float) -> Waveform:
 
 
 def judge_opening(
-    config: CampaignConfig,
-    switches: FloatArray,
-    waveform: Waveform,
-    *,
-    at_us: float,
-    watch_us: float = 200.0,
-    threads: int = 1,
+    config: CampaignConfig, switches: FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
 ) -> Opening:
-    """Judge a release on independent random switches.
+    """Judge a release: `let_go`, then `assess_opening`; parameters and errors are theirs."""
+    return assess_opening(config, let_go(config, switches, waveform, at_us=at_us, threads=threads))
+
+
+def let_go(
+    config: CampaignConfig, switches: FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
+) -> Released:
+    """Simulate a release, and `opening.watch_us` after the fall began.
 
     Parameters
     ----------
     config : CampaignConfig
-        Device model, level and confidence of the objective.
+        Device model.
     switches : (n, 4) ndarray
         As `softclose.evaluate.draw` gives them.
     waveform : Waveform
         The whole drive, its fall from `at_us` on.
     at_us : float
         Begin of the fall [µs].
-    watch_us : float
-        How long to look on [µs].
     threads : int
         For the simulation.
 
     Returns
     -------
-    Opening
+    Released
 
     Raises
     ------
     OpeningError
-        Where fewer than ten switches are held when the fall begins, or each has a drive of its own.
+        Where each switch has a drive of its own, or its worst temperature.
     """
     if switches.shape[1] != N_PARAMETERS:
         raise OpeningError("drives that differ from switch to switch ([trim], gain_error) fall at different instants")
-    times = np.arange(0.0, watch_us + 0.5 * STEP_US, STEP_US)
+    if config.temperature.worst_of:
+        raise OpeningError(
+            "of each switch the worst temperature is told (temperature.worst_of), not the one it opens at"
+        )
+    times = np.arange(0.0, config.opening.watch_us + 0.5 * STEP_US, STEP_US)
     horizon = at_us + float(times[-1])
-    longer = replace(config, model=replace(config.model, horizon_us=horizon))
+    longer = replace(
+        config, model=replace(config.model, horizon_us=horizon), opening=replace(config.opening, release_us=0.0)
+    )
     found = respond(longer, switches, waveform, times_us=at_us + times, max_impacts=256, threads=threads)
     assert found.x is not None
     assert found.v is not None
     assert found.impact_time_us is not None
-    d = switches[:, 0]
-    x = np.asarray(found.x, dtype=np.float64) / d[:, None]
+    x = np.asarray(found.x, dtype=np.float64) / switches[:, :1]
     held = (np.abs(x[:, 0] - 1.0) < 1e-6) & (np.abs(np.asarray(found.v)[:, 0]) < 1e-6) & (found.status == 0)
-    if held.sum() < 10:
-        raise OpeningError(
-            f"{int(held.sum())} of {len(d)} switches are held at {at_us:g} µs; open later, or hold higher"
-        )
-    x, n = x[held], int(held.sum())
     away = x < 1.0 - 1e-6
     left = away.any(axis=1)
     leaves = at_us + times[np.where(left, away.argmax(axis=1), 0)]
-    later = np.asarray(found.impact_time_us)[held] > leaves[:, None]
-    rebounds = later.any(axis=1) & left
-    overshoot = np.sort(np.maximum(-x.min(axis=1), 0.0))
+    later = np.asarray(found.impact_time_us) > leaves[:, None]
     outside = np.abs(x) > BAND
     last = np.where(outside.any(axis=1), times.size - 1 - outside[:, ::-1].argmax(axis=1), 0)
-    settling = np.sort(np.where(last == times.size - 1, math.inf, times[last]))
+    settling = np.where(last == times.size - 1, math.inf, times[last])
+    return Released(
+        waveform=waveform,
+        held=held,
+        stuck=held & ~left,
+        rebound=held & left & later.any(axis=1),
+        overshoot=np.where(held, np.maximum(-x.min(axis=1), 0.0), math.nan),
+        settling_us=np.where(held, settling, math.nan),
+        times_us=times,
+        quantiles=np.quantile(x[held], (0.05, 0.5, 0.95), axis=0) if held.any() else np.full((3, times.size), math.nan),
+    )
+
+
+def joined(parts: Sequence[Released]) -> Released:
+    """One release of several lots of switches; the quantiles of the motion are the first's."""
+    return replace(
+        parts[0],
+        held=np.concatenate([part.held for part in parts]),
+        stuck=np.concatenate([part.stuck for part in parts]),
+        rebound=np.concatenate([part.rebound for part in parts]),
+        overshoot=np.concatenate([part.overshoot for part in parts]),
+        settling_us=np.concatenate([part.settling_us for part in parts]),
+    )
+
+
+def assess_opening(config: CampaignConfig, released: Released) -> Opening:
+    """The opening of a lot, with the level and confidence of the objective.
+
+    Raises OpeningError where fewer than ten switches were held when the fall began.
+    """
+    held = released.held
+    n = int(held.sum())
+    if n < LEAST_HELD:
+        raise OpeningError(f"{n} of {held.size} switches are held when the fall begins; open later, or hold higher")
     level, confidence = config.objective.level, config.objective.confidence
     rank = quantile_rank(n, level) - 1
+    overshoot, settling = np.sort(released.overshoot[held]), np.sort(released.settling_us[held])
     return Opening(
-        waveform=waveform,
+        released=released,
         n=n,
-        p_stuck=proportion(int((~left).sum()), n, confidence),
-        p_rebound=proportion(int(rebounds.sum()), n, confidence),
+        p_stuck=proportion(int(released.stuck.sum()), n, confidence),
+        p_rebound=proportion(int(released.rebound.sum()), n, confidence),
         overshoot=float(overshoot[rank]),
         overshoot_interval=quantile_interval(overshoot, level, confidence),
         settling_us=float(settling[rank]),
         settling_interval=quantile_interval(settling, level, confidence),
-        times_us=times,
-        quantiles=np.quantile(x, (0.05, 0.5, 0.95), axis=0),
     )
 
 

@@ -6,7 +6,8 @@ gap and travel. Between entries a straight line.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from softclose.waveform import FloatArray
 
 if TYPE_CHECKING:
     from softclose.config import TemperatureSection
+    from softclose.ensemble import Responses
 
 _STREAM = 7_300_000
 """Added to an ensemble's stream: temperatures are independent of switches and drives."""
@@ -55,3 +57,27 @@ def spread(settings: TemperatureSection, n: int, *, seed: int, start: int = 0, s
     """
     u = index_uniforms(n, seed=seed, start=start, stream=_STREAM + stream)[:, 0]
     return np.asarray(settings.low_C + (settings.high_C - settings.low_C) * u)
+
+
+def worse(a: Responses, b: Responses) -> Responses:
+    """Of each switch the response with the larger V, held only where both are and from the later instant on.
+
+    What else is told of a switch (impacts, motion) is that of the response with the larger V; of equals the first.
+    """
+    va, vb = np.asarray(a.max_contact_speed), np.asarray(b.max_contact_speed)
+    second = (vb > va) | (np.isnan(va) & ~np.isnan(vb))
+
+    def chosen(of_a: Any, of_b: Any) -> Any:
+        if of_a is None:
+            return None
+        first, other = np.asarray(of_a), np.asarray(of_b)
+        return np.where(second.reshape(-1, *[1] * (first.ndim - 1)), other, first)
+
+    found = {f.name: chosen(getattr(a, f.name), getattr(b, f.name)) for f in fields(a) if f.name != "times_us"}
+    found |= {
+        "closed": np.asarray(a.closed) & np.asarray(b.closed),
+        "settling_us": np.maximum(a.settling_us, b.settling_us),
+        "status": np.maximum(a.status, b.status),
+        "times_us": a.times_us,
+    }
+    return type(a)(**found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from softclose import assess
 from softclose.metrics import intervals
-from softclose.metrics.objective import ObjectiveError
+from softclose.metrics.objective import Judged, ObjectiveError
 
 
 @dataclass(frozen=True)
@@ -211,3 +211,23 @@ def test_bad_settings_are_named(settings: dict[str, object], words: str) -> None
 def test_a_response_that_cannot_be_assessed_is_refused(response: Made, words: str) -> None:
     with pytest.raises(ObjectiveError, match=words):
         assess(response)
+
+
+def test_the_closing_time_is_a_quantile_over_all_switches() -> None:
+    """Of ten switches, nine are held in time; the rank of 90 % is the ninth, that of 95 % nobody's."""
+    settling = np.array([30.0, 10.0, np.inf, 20.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0])
+    closed = np.isfinite(settling)
+    response = Judged(
+        max_contact_speed=np.full(10, 0.2), closed=closed, status=np.zeros(10, dtype=np.int8), settling_us=settling
+    )
+    found = assess(response, level=0.9)
+    assert found.closing_us == 90.0
+    assert found.closing_interval[0] < 90.0
+    assert found.closing_interval[1] == np.inf
+    assert assess(response, level=0.95).closing_us == np.inf
+    status = np.where(np.arange(10) == 1, 2, 0).astype(np.int8)  # what was not integrated never closes
+    assert assess(replace(response, status=status), level=0.8).closing_us == 90.0
+    assert np.isnan(assess(replace(response, settling_us=None)).closing_us)
+    assert np.isnan(assess(replace(response, settling_us=settling * np.nan)).closing_us)
+    with pytest.raises(ObjectiveError, match=r"settling_us has shape \(3,\)"):
+        assess(replace(response, settling_us=settling[:3]))

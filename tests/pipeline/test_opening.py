@@ -26,15 +26,15 @@ def test_an_instant_release_without_damping_swings_as_far_as_it_was_pulled() -> 
     assert found.p_stuck.estimate == 0.0
     # x = D cos(omega t): the median is a quarter of a period later at rest.
     omega = np.median(np.sqrt(1e-3 * switches[:, 2] / switches[:, 3]))
-    first = found.times_us[np.flatnonzero(found.quantiles[1] < 0.0)[0]]
+    first = found.released.times_us[np.flatnonzero(found.released.quantiles[1] < 0.0)[0]]
     assert first == pytest.approx(0.5 * math.pi / omega, abs=0.5)
 
 
 def test_damping_settles_a_release_as_its_quality_factor_says() -> None:
     q = 4.0
-    config = load_config({}, [f"model.quality_factor={q}"])
+    config = load_config({}, [f"model.quality_factor={q}", "opening.watch_us=300"])
     switches = np.repeat([[2.43, 3.68, 65.3, 3.41]], 20, axis=0)
-    found = judge_opening(config, switches, opened(STEP, 250.0), at_us=250.0, watch_us=300.0)
+    found = judge_opening(config, switches, opened(STEP, 250.0), at_us=250.0)
     root = math.sqrt(1.0 - 0.25 / q**2)
     assert found.overshoot == pytest.approx(math.exp(-0.5 * math.pi / q / root), abs=2e-3)
     omega = math.sqrt(1e-3 * 65.3 / 3.41)

@@ -10,7 +10,7 @@ import pytest
 
 from softclose import Pulse, Waveform
 from softclose.config import ConfigError, load_config
-from softclose.evaluate import draw, evaluate
+from softclose.evaluate import draw, evaluate, respond
 from softclose.temperature import heated
 
 TABLES: dict[str, Any] = {
@@ -47,6 +47,44 @@ def test_temperatures_are_keyed_by_the_switch_and_common_to_all_candidates() -> 
 
 def test_at_the_population_s_own_temperature_nothing_changes() -> None:
     np.testing.assert_array_equal(draw(config(), 20, seed=1), draw(load_config({}), 20, seed=1))
+
+
+def test_at_its_worst_each_switch_has_the_largest_speed_and_closes_only_if_it_always_does() -> None:
+    """Against one simulation for each temperature, put together here."""
+    worst = config(low_C=-40, high_C=85, worst_of=3)
+    lot = draw(worst, 3000, seed=5)
+    np.testing.assert_array_equal(lot, draw(load_config({}), 3000, seed=5), "the lot itself has no temperature")
+    times = np.linspace(0.0, 250.0, 26)
+    found = respond(worst, lot, DRIVE, times_us=times, max_impacts=8)
+    tables = worst.temperature
+    alone = [
+        respond(load_config({}), heated(tables, lot, celsius), DRIVE, times_us=times, max_impacts=8)
+        for celsius in (-40.0, 22.5, 85.0)
+    ]
+    speeds = np.array([r.max_contact_speed for r in alone])
+    np.testing.assert_array_equal(found.max_contact_speed, np.fmax.reduce(speeds))
+    np.testing.assert_array_equal(found.closed, np.all([r.closed for r in alone], axis=0))
+    np.testing.assert_array_equal(found.settling_us, np.max([r.settling_us for r in alone], axis=0))
+    which = np.argmax(np.nan_to_num(speeds, nan=-1.0), axis=0)
+    assert {*which} == {0, 1, 2}, "each is the worst for some"
+    for name in ("first_contact_us", "impact_speed", "x", "n_impacts"):
+        np.testing.assert_array_equal(
+            getattr(found, name), np.array([getattr(r, name) for r in alone])[which, np.arange(3000)], name
+        )
+    np.testing.assert_array_equal(found.times_us, times)
+    own = config(low_C=-40, high_C=85)
+    assert evaluate(worst, lot, DRIVE).g_cm_s > evaluate(own, draw(own, 3000, seed=5), DRIVE).g_cm_s + 1.0
+
+
+@pytest.mark.parametrize(("low", "high", "worst_of"), [(-40, 85, 1), (20, 20, 3)])
+def test_a_worst_that_is_none_is_refused(low: float, high: float, worst_of: int) -> None:
+    with pytest.raises(ConfigError, match="worst_of"):
+        config(low_C=low, high_C=high, worst_of=worst_of)
+
+
+def test_a_worst_without_tables_is_refused() -> None:
+    with pytest.raises(ConfigError, match="celsius is missing"):
+        load_config({"temperature": {"worst_of": 3}})
 
 
 def test_a_range_of_temperature_makes_a_lot_harder_to_close_softly() -> None:

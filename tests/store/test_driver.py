@@ -149,7 +149,12 @@ def test_a_marker_ends_with_the_digest_of_what_the_task_gives_back(path):
     arrays = block(sizes, "search", 1, 2, 9)  # one switch of the two that the block has
     marker = write_block(path, "search", 1, 2, arrays, 77)
     response = arrays["response"]
-    back = {"max_contact_speed": response[..., 0], "closed": response[..., 6] > 0, "status": response[..., 7]}
+    back = {
+        "max_contact_speed": response[..., 0],
+        "closed": response[..., 6] > 0,
+        "status": response[..., 7],
+        "settling": response[..., 2],
+    }
     assert marker[-1] == assessed_digest("search", 1, 2, 77, **back)
     with DriverStore(path) as store:
         stored = store.read_assessed("search", 1, 2, 9)
@@ -162,6 +167,7 @@ def test_a_marker_ends_with_the_digest_of_what_the_task_gives_back(path):
         {"closed": ~back["closed"]},
         {"status": back["status"] + 1},
         {"max_contact_speed": response[..., 1]},
+        {"settling": response[..., 1]},
     ):
         assert marker[-1] != assessed_digest("search", 1, 2, 77, **(back | change))
 

@@ -32,7 +32,11 @@ class ObjectiveError(ValueError):
 
 
 class Response(Protocol):
-    """What `assess` needs. An optional `status` (n,) marks the switches that could not be integrated: not 0."""
+    """What `assess` needs.
+
+    An optional `status` (n,) marks the switches that could not be integrated: not 0. Of an optional `settling_us` (n,)
+    follows the closing time.
+    """
 
     @property
     def max_contact_speed(self) -> FloatArray:
@@ -53,6 +57,8 @@ class Judged:
     """(n,) held in contact at the horizon."""
     status: NDArray[np.int8]
     """(n,) 0 where the switch was integrated."""
+    settling_us: FloatArray | None = None
+    """(n,) instant from which it is held to the horizon [µs]; inf: never; None: not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +116,11 @@ class Assessment:
     """Fraction of all switches not closed at the horizon."""
     p_nc_intervals: Proportion
     """p_nc with Eq. 11, Wilson and Clopper-Pearson."""
+    closing_us: float
+    """Closing time of the lot: level-quantile, over all switches, of the instant from which each is held [µs]; inf
+    where more stay open, NaN where it is not known."""
+    closing_interval: Interval
+    """Distribution-free order-statistic interval [µs]."""
     p_contact: float
     """Fraction of all switches that touched."""
     p_above_v_u: float
@@ -195,6 +206,7 @@ def assess(
     """
     _check(locals())
     speed, closed, n_failed = _arrays(response)
+    closing_us, closing_interval = _closing(response, level, confidence)
     n = speed.size
     contact = ~np.isnan(speed)
     v = speed[contact] * CM_S
@@ -257,6 +269,8 @@ def assess(
         max_cm_s=float(ordered[-1]) if n_contact else math.nan,
         p_nc=p_nc.estimate,
         p_nc_intervals=p_nc,
+        closing_us=closing_us,
+        closing_interval=closing_interval,
         p_contact=n_contact / n,
         p_above_v_u=above[0],
         p_above_v_u_half_width=above[1],
@@ -265,6 +279,23 @@ def assess(
         confidence=confidence,
         intervals_valid=sampling == "monte-carlo",
     )
+
+
+def _closing(response: Response, level: float, confidence: float) -> tuple[float, Interval]:
+    """Closing time of the lot and its interval; a switch that could not be integrated never closes."""
+    known = getattr(response, "settling_us", None)
+    if known is None:
+        return math.nan, intervals.NO_INTERVAL
+    settling, status = np.asarray(known, dtype=np.float64), getattr(response, "status", None)
+    if settling.shape != np.shape(response.closed):
+        raise ObjectiveError(
+            f"settling_us has shape {settling.shape}; it must be {np.shape(response.closed)}, as closed"
+        )
+    ordered = np.sort(settling if status is None else np.where(np.asarray(status) != 0, math.inf, settling))
+    if np.isnan(ordered).any():
+        return math.nan, intervals.NO_INTERVAL
+    lower, upper = intervals.quantile_interval(ordered, level, confidence)
+    return float(ordered[intervals.quantile_rank(ordered.size, level) - 1]), (max(lower, 0.0), upper)
 
 
 def _exceedance(v: FloatArray, limit_cm_s: float, confidence: float) -> Exceedance:

@@ -1,4 +1,4 @@
-"""Owns the trade-off between upper velocity and switches that do not close: which candidates nothing else beats."""
+"""Owns the trade-off between several objectives: which candidates nothing else beats, and how much they dominate."""
 
 from __future__ import annotations
 
@@ -6,28 +6,63 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-def pareto_front(v_u_cm_s: ArrayLike, p_nc: ArrayLike) -> NDArray[np.intp]:
-    """Positions of the candidates that no other beats in both v_u and p_nc, by rising p_nc.
+def pareto_front(values: ArrayLike) -> NDArray[np.intp]:
+    """Positions of the candidates that no other beats in all objectives, by rising last objective, then the others.
 
-    v_u_cm_s, p_nc: (n,) of any store; NaN (undefined or failed) never belongs to the front. Of equal candidates the
-    first is kept. Compare only candidates assessed on the same ensemble: a smaller one flatters (SPEC §7).
+    Compare only candidates assessed on the same ensemble: a smaller one flatters (SPEC §7).
+
+    Parameters
+    ----------
+    values : (n, k) array-like
+        Each of k objectives, smaller is better. A row that is not finite (undefined or failed) is never on the front;
+        of equal candidates the first is kept.
+
+    Returns
+    -------
+    (m,) ndarray of int
+
+    Raises
+    ------
+    ValueError
+        Where the values are no table.
     """
-    v, p = np.asarray(v_u_cm_s, dtype=np.float64), np.asarray(p_nc, dtype=np.float64)
-    if v.shape != p.shape or v.ndim != 1:
-        raise ValueError(f"v_u_cm_s and p_nc must be two (n,) arrays; got shapes {v.shape} and {p.shape}")
-    usable = np.flatnonzero(np.isfinite(v) & np.isfinite(p))
-    order = usable[np.lexsort((usable, v[usable], p[usable]))]
-    lowest = np.minimum.accumulate(np.append(np.inf, v[order]))[:-1]
-    return np.asarray(order[v[order] < lowest])
+    import moocore
+
+    v = _table(values)
+    usable = np.flatnonzero(np.isfinite(v).all(axis=1))
+    if not usable.size:
+        return usable
+    front = usable[moocore.is_nondominated(v[usable], keep_weakly=False)]
+    return np.asarray(front[np.lexsort(v[front].T)])
 
 
-def hypervolume(v_u_cm_s: ArrayLike, p_nc: ArrayLike, *, worst_v_u_cm_s: float) -> float:
-    """Area [cm/s] that a front dominates, below v_u = worst and p_nc = 1: it grows as the front gets better.
+def hypervolume(values: ArrayLike, worst: ArrayLike) -> float:
+    """Share, from 0 to 1, of the box between 0 and the worst that a front dominates: it grows as the front gets better.
 
-    v_u_cm_s, p_nc: (n,) of any candidates; those that are dominated, undefined or worse than the corner add nothing.
+    Parameters
+    ----------
+    values : (n, k) array-like
+        Of any candidates; those that are dominated, undefined or worse than the corner add nothing.
+    worst : (k,) array-like
+        The corner of the box, above 0.
+
+    Raises
+    ------
+    ValueError
+        Where the values are no table, or the corner does not fit.
     """
-    v, p = np.asarray(v_u_cm_s, dtype=np.float64), np.asarray(p_nc, dtype=np.float64)
-    front = pareto_front(v, p)
-    v, p = v[front], p[front]
-    edges = np.append(p, 1.0)[1:]  # by rising p_nc, v_u falls: each holds until the next
-    return float((np.maximum(worst_v_u_cm_s - v, 0.0) * (edges - p)).sum())
+    import moocore
+
+    v, corner = _table(values), np.asarray(worst, dtype=np.float64)
+    if corner.shape != (v.shape[1],) or not (corner > 0.0).all():
+        raise ValueError(f"worst is {worst!r}; it must be {v.shape[1]} positive numbers, one for each objective")
+    shares = v[np.isfinite(v).all(axis=1)] / corner
+    shares = shares[(shares < 1.0).all(axis=1)]
+    return float(moocore.hypervolume(shares, ref=np.ones(corner.size))) if shares.size else 0.0
+
+
+def _table(values: ArrayLike) -> NDArray[np.float64]:
+    v = np.asarray(values, dtype=np.float64)
+    if v.ndim != 2 or v.shape[1] < 1:
+        raise ValueError(f"values have the shape {v.shape}; they must be an (n, k) table of k objectives")
+    return v

@@ -1,4 +1,4 @@
-"""Owns the NSGA-II engine: a front of v_u against p_nc in one campaign, instead of the minimum of their sum g.
+"""Owns the NSGA-II engine: a front of several objectives in one campaign, instead of the minimum of g alone.
 
 pymoo's operators: survival by rank and crowding, binary tournaments, simulated binary crossover and polynomial mutation
 (Deb et al. 2002). Parents are the survivors of all candidates so far, so that a generation is a function of the records
@@ -7,7 +7,6 @@ alone and a killed campaign goes on with the same bits.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from softclose.plugins import EngineError
+from softclose.propose.objectives import front_values, worst_values
 from softclose.propose.origins import NSGA2, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, even_waves, search_history
 from softclose.propose.sobol import initial_points
@@ -63,14 +63,15 @@ def _offspring(problem: Problem, seen: Sequence[Observation], wave: Wave) -> Any
     from pymoo.operators.selection.tournament import TournamentSelection
 
     space, draw = problem.space, problem.generator("nsga2", wave.index)
-    cube = Cube(n_var=space.dim, n_obj=2, xl=0.0, xu=1.0)
+    objectives = problem.config.optimiser.objectives
+    cube = Cube(n_var=space.dim, n_obj=len(objectives), xl=0.0, xu=1.0)
     coordinates, kept = space.coordinates_of_all([o.waveform for o in seen])
-    worst = problem.config.objective.undefined_v_u_cm_s
+    values = front_values(problem.config, [seen[i] for i in kept], objectives)
     # An undefined v_u counts as in g.
-    values = [(v if math.isfinite(v := seen[i].v_u_cm_s) else worst, seen[i].p_nc) for i in kept]
+    values = np.where(np.isfinite(values), values, worst_values(problem.config, objectives))
     none = np.zeros(0)  # no constraints: the space repairs what is not admissible
     people = Population.create(
-        *(Individual(X=x, F=np.array(f), G=none, H=none) for x, f in zip(coordinates, values, strict=True))
+        *(Individual(X=x, F=f, G=none, H=none) for x, f in zip(coordinates, values, strict=True))
     )
     for person in people:
         person.evaluated.update({"F", "G", "H"})

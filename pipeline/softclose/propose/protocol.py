@@ -56,6 +56,8 @@ class Observation:
     """Fraction that touched."""
     failed: bool
     """True where no usable result exists; engines learn nothing from it but its place."""
+    closing_us: float = math.nan
+    """Closing time of the lot [µs]; inf where too many stay open, NaN where it is not known."""
 
     @property
     def usable(self) -> bool:

@@ -58,6 +58,7 @@ def evaluate(problem: Problem, switches: FloatArray, wave: Wave, index: int, pro
         p_nc=a.p_nc,
         p_contact=a.p_contact,
         failed=False,
+        closing_us=a.closing_us,
     )
 
 

@@ -75,6 +75,7 @@ def assessed_digest(
     max_contact_speed: ArrayLike,
     closed: ArrayLike,
     status: ArrayLike,
+    settling: ArrayLike,
 ) -> int:
     """Digest of what an assessment takes of a block.
 
@@ -88,16 +89,21 @@ def assessed_digest(
         Its row and column.
     proposals : int
         Digest of its proposals.
-    max_contact_speed, closed, status : (candidates, switches) array-like
+    max_contact_speed, closed, status, settling : (candidates, switches) array-like
         Of the switches that were simulated.
     """
-    speed = np.asarray(max_contact_speed, dtype="<f8")
+
+    def of_floats(values: ArrayLike) -> bytes:
+        numbers = np.asarray(values, dtype="<f8")
+        return np.where(np.isnan(numbers), np.nan, numbers).tobytes()  # one NaN: its bits mean nothing
+
     parts = [
-        np.where(np.isnan(speed), np.nan, speed).tobytes(),  # one NaN: its bits mean nothing
+        of_floats(max_contact_speed),
         np.asarray(closed, dtype=bool).tobytes(),
         np.asarray(status, dtype="i1").tobytes(),
+        of_floats(settling),
     ]
-    return keyed_digest(f"assessed|{stage}|{i_block}|{j_block}|{proposals}|{speed.shape}", parts)
+    return keyed_digest(f"assessed|{stage}|{i_block}|{j_block}|{proposals}|{np.shape(closed)}", parts)
 
 
 def array_sha256(array: np.ndarray[Any, Any]) -> str:

@@ -69,17 +69,18 @@ def marker_of(
     values: as `check_block` returns them; n_switches: switches of the block that were simulated.
     """
     found = [block_digest(stage, name, i_block, j_block, proposals_digest, block) for name, block in values.items()]
-    speed, closed, status = assessed_of(values["response"][:, :n_switches])
-    assessed = assessed_digest(stage, i_block, j_block, proposals_digest, speed, closed, status)
+    assessed = assessed_digest(
+        stage, i_block, j_block, proposals_digest, *assessed_of(values["response"][:, :n_switches])
+    )
     return np.array([proposals_digest, *found, assessed], dtype=np.uint64)
 
 
 def assessed_of(
     response: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int8]]:
-    """What an assessment takes of responses (…, n_quantities): contact speed, closed, status."""
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int8], NDArray[np.float64]]:
+    """What an assessment takes of responses (…, n_quantities): contact speed, closed, status, settling."""
     status = np.where(np.isnan(response[..., 7]), -1, response[..., 7]).astype(np.int8)
-    return response[..., 0].copy(), response[..., 6] > 0, status
+    return response[..., 0].copy(), response[..., 6] > 0, status, response[..., 2].copy()
 
 
 def check_block(

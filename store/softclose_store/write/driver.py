@@ -201,7 +201,7 @@ class DriverStore:
         Returns
         -------
         dict
-            max_contact_speed, closed, status, (candidates, switches) each.
+            max_contact_speed, closed, status, settling, (candidates, switches) each.
         """
         columns = self.layout.stage(stage).switches(j_block)
         used = columns.stop - columns.start if n_switches is None else min(n_switches, columns.stop) - columns.start
@@ -212,8 +212,8 @@ class DriverStore:
                 f"block ({i_block}, {j_block}) of stage {stage} in {self.path} cannot be read ({e}): "
                 "run `softclose verify --repair`"
             ) from e
-        speed, closed, status = assessed_of(response)
-        return {"max_contact_speed": speed, "closed": closed, "status": status}
+        speed, closed, status, settling = assessed_of(response)
+        return {"max_contact_speed": speed, "closed": closed, "status": status, "settling": settling}
 
     def commit(self, rows: Sequence[Mapping[str, Any]], markers: Mapping[Block, NDArray[np.uint64]]) -> None:
         """Write the records of the next wave, then make it part of the campaign: the root's replacement is the commit.

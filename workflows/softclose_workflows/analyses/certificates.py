@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from softclose_workflows.analyses.certification import (
     candidate_of,
 )
 from softclose_workflows.run import records
+from softclose_workflows.run.opening import opening_arrays, openings_of
 
 GROUP = "certification"
 """Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
@@ -79,13 +80,19 @@ def read_certificate(path: str, name: str) -> Certification:
         for name, rows in zip(names, a["waveform"], strict=True)
     }
     responses = {
-        name: Judged(max_contact_speed=v, closed=closed, status=status)
-        for name, v, closed, status in zip(names, a["max_contact_speed"], a["closed"], a["status"], strict=True)
+        name: Judged(
+            max_contact_speed=a["max_contact_speed"][i],
+            closed=a["closed"][i],
+            status=a["status"][i],
+            settling_us=a["settling"][i] if "settling" in a else None,  # version 0.1 kept none
+        )
+        for i, name in enumerate(names)
     }
     certified = sorted(i for i in map(candidate_of, names) if i is not None)
     # Version 0.1 kept neither the list nor what was missing.
     legacy = {"candidates": certified, "top": len(certified), "missing": {}}
-    return assemble(campaign, config, waveforms, responses, request_of(legacy | group.attributes))
+    result = assemble(campaign, config, waveforms, responses, request_of(legacy | group.attributes))
+    return replace(result, openings=openings_of(config, a))
 
 
 def request_of(attributes: Mapping[str, Any]) -> Request:
@@ -133,6 +140,14 @@ def write_certificate(path: str, result: Certification) -> None:
         ),
         "closed": per_switch([d.response.closed for d in designs], "1", "held in contact at the horizon"),
         "status": per_switch([d.response.status for d in designs], "1", "outcome of the integration; 0: ok"),
+        "settling": per_switch(
+            [
+                np.full(d.response.closed.shape, math.nan) if d.response.settling_us is None else d.response.settling_us
+                for d in designs
+            ],
+            "µs",
+            "instant from which it is held to the horizon; inf: never, NaN: not known",
+        ),
         "training_g_cm_s": GroupArray(
             dims=("design",),
             unit="cm/s",
@@ -151,6 +166,8 @@ def write_certificate(path: str, result: Certification) -> None:
             dims = ("design", "limit") if isinstance(first, np.ndarray) else ("design",)
             unit = "cm/s" if name.endswith("_cm_s") else "1"
             arrays[name] = GroupArray(dims=dims, values=np.array([record[name] for record in assessed]), unit=unit)
+    if result.openings is not None:
+        arrays |= opening_arrays(result.openings, "fresh_switch")
     request = result.request
     write_group(
         path,

@@ -10,6 +10,7 @@ from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
+from softclose.opening import Openings
 from softclose.waveform import Waveform
 from softclose_store import Campaign
 
@@ -85,6 +86,8 @@ class Certification:
     """Certified candidates, best first."""
     references: tuple[Certified, ...]
     """Reference designs on the same switches."""
+    openings: Openings | None = None
+    """How the best candidate opens, on the same switches; None where the campaign designs no opening."""
 
     @property
     def n_switches(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from softclose.metrics.intervals import Interval, Proportion
+from softclose_workflows.analyses.opening import openings_to_json, print_openings
 from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import finite, waveform_rows
@@ -55,6 +56,9 @@ def print_certification(result: Certification) -> None:
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
     for line in missing_lines(result.missing):
         console.print(line)
+    if result.openings is not None:
+        o = result.openings
+        print_openings(f"{best.name}, let go at {o.at_us:g} µs, on the same switches", o, best.assessment.level)
 
 
 def print_race(race: Race) -> None:
@@ -130,6 +134,7 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
             "candidates": [design(d) for d in result.candidates],
             "references": [design(d) for d in result.references],
             "missing_references": dict(result.missing),
+            "opening": None if result.openings is None else openings_to_json(result.openings),
             "best_against": {r.name: result.comparison(r).to_dict() for r in result.references},
         }
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, draw, respond
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
+from softclose.opening import Opening, OpeningError, Openings, assess_opening, joined, let_go
 from softclose.waveform import Drive, FloatArray, Waveform
 from softclose_store import Campaign, DamageError, StoreMissingError, group_attributes, open_campaign
 from softclose_workflows.analyses.certificates import STREAM as STREAM
@@ -28,6 +30,7 @@ from softclose_workflows.analyses.certification import Request, assemble, candid
 from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
+from softclose_workflows.run.opening import designed_opening
 from softclose_workflows.tell.console import Step
 
 PART = 10_000
@@ -157,7 +160,33 @@ def certified_on(
         threads=threads,
         listener=listener,
     )
-    return assemble(campaign, config, waveforms, have | dict(zip(new, responses, strict=True)), request)
+    result = assemble(campaign, config, waveforms, have | dict(zip(new, responses, strict=True)), request)
+    return replace(result, openings=_openings(campaign, config, result, threads))
+
+
+def _openings(campaign: Campaign, config: CampaignConfig, result: Certification, threads: int) -> Openings | None:
+    """The best candidate's designed opening on the fresh switches, a part at a time; None where nothing can be said."""
+    best = result.best.candidate
+    try:
+        designed = None if best is None else designed_opening(campaign.path, best, threads=threads)
+    except OpeningError:
+        return None
+    if designed is None:
+        return None
+
+    def on_fresh(waveform: Waveform) -> Opening:
+        parts = []
+        for begin in range(0, result.n_switches, PART):
+            n = min(PART, result.n_switches - begin)
+            switches = fresh_switches(config, n, seed=result.seed, start=begin)
+            parts.append(let_go(config, switches, waveform, at_us=designed.at_us, threads=threads))
+        return assess_opening(config, joined(parts))
+
+    return Openings(
+        at_us=designed.at_us,
+        plain=on_fresh(designed.plain.released.waveform),
+        braked=None if designed.braked is None else on_fresh(designed.braked.released.waveform),
+    )
 
 
 def fresh_switches(config: CampaignConfig, n: int, *, seed: int, start: int = 0) -> FloatArray:
@@ -183,6 +212,7 @@ def simulate_fresh(
     v = np.empty((len(waveforms), n_switches))
     closed = np.empty(v.shape, dtype=np.bool_)
     status = np.empty(v.shape, dtype=np.int8)
+    settling = np.empty(v.shape)
     total, done = v.size, 0
     for begin in range(0, n_switches, PART):
         rows = slice(begin, min(begin + PART, n_switches))
@@ -191,11 +221,14 @@ def simulate_fresh(
             driven = switches[:, :N_PARAMETERS] if i in untrimmed else switches
             response = respond(config, driven, waveform, threads=threads)
             v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
-            status[i, rows] = response.status
+            status[i, rows], settling[i, rows] = response.status, response.settling_us
             done += len(switches)
             if listener is not None:
                 listener(done, total)
-    return [Judged(max_contact_speed=v[i], closed=closed[i], status=status[i]) for i in range(len(waveforms))]
+    return [
+        Judged(max_contact_speed=v[i], closed=closed[i], status=status[i], settling_us=settling[i])
+        for i in range(len(waveforms))
+    ]
 
 
 def choose_distinct(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:

@@ -127,8 +127,11 @@ class _Track:
 
 
 def _joined(a: Judged, b: Judged) -> Judged:
+    assert a.settling_us is not None
+    assert b.settling_us is not None
     return Judged(
         max_contact_speed=np.concatenate([a.max_contact_speed, b.max_contact_speed]),
         closed=np.concatenate([a.closed, b.closed]),
         status=np.concatenate([a.status, b.status]),
+        settling_us=np.concatenate([a.settling_us, b.settling_us]),
     )

@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from softclose.opening import BAND, Opening, design_brake, judge_opening, opened
+from softclose.opening import BAND, Opening, Openings, design_brake, judge_opening, opened
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
+from softclose_workflows.run.opening import designed_opening
 from softclose_workflows.tell.console import Step, wide_console
 from softclose_workflows.tell.plain import finite, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, with_interval
@@ -22,13 +23,11 @@ _TRAINING_SEED = 1_000_003
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """One design's opening, without and with a brake."""
+    """One design's opening on fresh switches."""
 
     chosen: Chosen
-    at_us: float
-    plain: Opening
-    braked: Opening | None
-    """None where no brake was asked for."""
+    openings: Openings
+    """Without and with a brake."""
 
 
 def opening(
@@ -41,25 +40,38 @@ def opening(
     threads: int = 1,
     listener: Step | None = None,
 ) -> Judged:
-    """A stored waveform, let go at an instant (the campaign's horizon); brake: waveforms to try for one, 0 for none.
+    """A stored waveform, let go at an instant: the campaign's own, or else its horizon.
 
-    Raises OpeningError and CertifyError.
+    brake: waveforms to try for one; 0: the one that the campaign has designed, where it let go at that instant. Raises
+    OpeningError and CertifyError.
     """
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
     config = chosen.config
-    at = config.model.horizon_us if at_us is None else at_us
+    at = (config.opening.release_us or config.model.horizon_us) if at_us is None else at_us
     drive = opened(chosen.waveform, at)
     fresh = fresh_switches(config, n_switches, seed=chosen.seed)
     plain = judge_opening(config, fresh, drive, at_us=at, threads=threads)
-    if not brake:
-        return Judged(chosen=chosen, at_us=at, plain=plain, braked=None)
-    training = fresh_switches(config, TRAINING, seed=chosen.seed + _TRAINING_SEED)
-    designed = design_brake(
-        config, training, drive, at_us=at, budget=brake, seed=chosen.seed, threads=threads, listener=listener
-    )
-    braked = judge_opening(config, fresh, designed, at_us=at, threads=threads)
-    return Judged(chosen=chosen, at_us=at, plain=plain, braked=braked)
+    designed = None
+    if brake:
+        training = fresh_switches(config, TRAINING, seed=chosen.seed + _TRAINING_SEED)
+        designed = design_brake(
+            config, training, drive, at_us=at, budget=brake, seed=chosen.seed, threads=threads, listener=listener
+        )
+    elif at == config.opening.release_us:
+        own = designed_opening(path, chosen.candidate, threads=threads)
+        designed = own.braked.released.waveform if own is not None and own.braked is not None else None
+    braked = None if designed is None else judge_opening(config, fresh, designed, at_us=at, threads=threads)
+    return Judged(chosen=chosen, openings=Openings(at_us=at, plain=plain, braked=braked))
+
+
+def opening_words(found: Openings) -> str:
+    """`overshoot 0.98 travels, with a brake (12.3 V from 281.2 µs, …) 0.67`."""
+    told = f"overshoot {found.plain.overshoot:.3f} travels ({100 * found.plain.released.held.mean():.1f} % held)"
+    if found.braked is None:
+        return told
+    brake = describe_waveform(waveform_rows(found.braked.released.waveform.rows())[-1:])
+    return f"{told}, with a brake ({brake}) {found.braked.overshoot:.3f}"
 
 
 def _time(value: float, lower: float, upper: float) -> str:
@@ -68,17 +80,11 @@ def _time(value: float, lower: float, upper: float) -> str:
     return f"{value:.1f} ({lower:.1f}–{upper:.1f})"
 
 
-def print_opening(found: Judged) -> None:
+def print_openings(title: str, found: Openings, level: float) -> None:
     """One row without, one with the brake."""
     from rich.table import Table
 
-    level = found.chosen.config.objective.level
-    table = Table(
-        title=f"candidate {found.chosen.candidate} ({found.chosen.why}), let go at {found.at_us:g} µs: "
-        f"{found.plain.n:,} switches that were held",
-        title_justify="left",
-        show_lines=True,
-    )
+    table = Table(title=title, title_justify="left", show_lines=True)
     table.add_column("release")
     for column in (
         f"overshoot, {100 * level:g} % \\[travels]",
@@ -90,9 +96,9 @@ def print_opening(found: Judged) -> None:
     for name, o in (("the holding pulse falls", found.plain), ("with a brake", found.braked)):
         if o is None:
             continue
-        words = name if o is found.plain else f"{name}: {describe_waveform(waveform_rows(o.waveform.rows())[-1:])}"
+        brake = describe_waveform(waveform_rows(o.released.waveform.rows())[-1:])
         table.add_row(
-            words,
+            name if o is found.plain else f"{name}: {brake}",
             with_interval(o.overshoot, *o.overshoot_interval, 3),
             with_interval(o.p_rebound.estimate, *o.p_rebound.wilson, 4),
             with_interval(o.p_stuck.estimate, *o.p_stuck.wilson, 4),
@@ -101,33 +107,26 @@ def print_opening(found: Judged) -> None:
     wide_console().print(table)
 
 
-def to_json(found: Judged) -> dict[str, Any]:
-    """Plain values."""
+def openings_to_json(found: Openings) -> dict[str, Any]:
+    """Plain values; undefined numbers are null."""
 
     def plain(o: Opening | None) -> dict[str, Any] | None:
-        return (
-            None
-            if o is None
-            else {
-                "n": o.n,
-                "overshoot": o.overshoot,
-                "overshoot_interval": list(o.overshoot_interval),
-                "p_rebound": o.p_rebound.estimate,
-                "p_rebound_interval": list(o.p_rebound.wilson),
-                "p_stuck": o.p_stuck.estimate,
-                "p_stuck_interval": list(o.p_stuck.wilson),
-                "settling_us": o.settling_us,
-                "settling_interval_us": list(o.settling_interval),
-                "waveform": waveform_rows(o.waveform.rows()),
-            }
-        )
+        if o is None:
+            return None
+        return {
+            "n": o.n,
+            "overshoot": o.overshoot,
+            "overshoot_interval": list(o.overshoot_interval),
+            "p_rebound": o.p_rebound.estimate,
+            "p_rebound_interval": list(o.p_rebound.wilson),
+            "p_stuck": o.p_stuck.estimate,
+            "p_stuck_interval": list(o.p_stuck.wilson),
+            "settling_us": o.settling_us,
+            "settling_interval_us": list(o.settling_interval),
+            "waveform": waveform_rows(o.released.waveform.rows()),
+        }
 
     values: dict[str, Any] = finite(
-        {
-            "candidate": found.chosen.candidate,
-            "at_us": found.at_us,
-            "release": plain(found.plain),
-            "braked": plain(found.braked),
-        }
+        {"at_us": found.at_us, "release": plain(found.plain), "braked": plain(found.braked)}
     )
     return values

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Judged
+from softclose.opening import OpeningError
 from softclose.plugins import MEASURED
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
@@ -23,6 +24,7 @@ from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
 from softclose_workflows.run.creation import population_columns
+from softclose_workflows.run.opening import candidate_of, designed_opening
 from softclose_workflows.run.tasks import compute_block, rows_of, times_us
 
 
@@ -174,14 +176,19 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
         max_contact_speed=np.concatenate([part["max_contact_speed"][at] for part in parts]),
         closed=np.concatenate([part["closed"][at] for part in parts]).astype(np.bool_),
         status=np.concatenate([part["status"][at] for part in parts]),
+        settling_us=np.concatenate([part["settling"][at] for part in parts]),
     )
     return records.assessment_record(judge(config, response))
 
 
 def _group(path: str, name: str) -> str:
-    """A certification again; what it was asked for stands in its own metadata."""
+    """A certification again, whose own metadata say what it was asked for; or the opening of a candidate."""
     try:
-        certify_again(path, name)
-    except (CertifyError, StoreError) as e:
+        candidate = candidate_of(name)
+        if candidate is None:
+            certify_again(path, name)
+        elif designed_opening(path, candidate, again=True) is None:
+            return f"{name} of {path} belongs to no opening that this campaign designs: delete that group"
+    except (CertifyError, OpeningError, StoreError) as e:
         return str(e)
     return ""

@@ -86,7 +86,12 @@ def judged(response: Events, score: Score) -> Judged:
         raise RescoreError(f"impacts is {score.impacts!r}; it must be all or first")
     if score.impacts == "first" or score.impacts_until_us is not None:
         speed = _counted(response, score)
-    return Judged(max_contact_speed=speed, closed=closed, status=np.asarray(response.status))
+    return Judged(
+        max_contact_speed=speed,
+        closed=closed,
+        status=np.asarray(response.status),
+        settling_us=np.asarray(response.settling_us),
+    )
 
 
 def _counted(response: Events, score: Score) -> FloatArray:

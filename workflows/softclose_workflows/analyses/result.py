@@ -5,8 +5,10 @@ from __future__ import annotations
 from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose_store import open_campaign
+from softclose_workflows.analyses.opening import opening_words
 from softclose_workflows.analyses.references import missing_lines, simulate_references
 from softclose_workflows.errors import Stopped
+from softclose_workflows.run.opening import read_opening
 from softclose_workflows.run.records import assessment_record
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import read_standing
@@ -48,4 +50,7 @@ def print_result(path: str) -> None:
     said = [limit.sentence] if limit is not None else []
     for line in [*said, *missing_lines(references.missing), *trouble_lines(read_standing(path))]:
         print(line)
+    openings = read_opening(path, best.candidate)
+    if openings is not None:
+        print(f"let go at {openings.at_us:g} µs: {opening_words(openings)}")
     print(f"store: {path}")

@@ -219,6 +219,7 @@ class Bench:
             max_contact_speed=measured.max_contact_speed[np.newaxis],
             closed=measured.closed[np.newaxis],
             status=measured.status[np.newaxis],
+            settling_us=np.full((1, measured.closed.size), np.nan),
             marker=marker,
             failures={},
             simulate_s=0.0,

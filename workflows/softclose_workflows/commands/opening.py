@@ -15,14 +15,14 @@ from softclose_workflows.commands.options import quiet_option
 )
 @click.argument("store", metavar="STORE")
 @click.option("--candidate", type=int, metavar="N", help="Which candidate [the best certified one, or else the best].")
-@click.option("--at", "at_us", type=float, metavar="US", help="Begin of the fall [the campaign's horizon].")
+@click.option("--at", "at_us", type=float, metavar="US", help="Begin of the fall [opening.release_us, or the horizon].")
 @click.option(
     "--brake",
     type=click.IntRange(min=0, max=100_000),
     default=0,
     show_default=True,
     metavar="N",
-    help="Design a braking pulse, with so many waveforms tried.",
+    help="Design a braking pulse, with so many waveforms tried; 0: the campaign's own, if it has one.",
 )
 @click.option("--switches", type=click.IntRange(min=100), default=10_000, show_default=True, help="Fresh switches.")
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
@@ -43,7 +43,7 @@ def opening(
     Judged are the switches that are held when the fall begins, on those of the certification.
     """
     from softclose_workflows.analyses.opening import opening as analyse
-    from softclose_workflows.analyses.opening import print_opening, to_json
+    from softclose_workflows.analyses.opening import openings_to_json, print_openings
     from softclose_workflows.figures.opening import draw_opening
     from softclose_workflows.figures.saving import check_figure, save
     from softclose_workflows.figures.style import style
@@ -63,10 +63,15 @@ def opening(
             threads=n_cores(),
             listener=listener,
         )
+    openings = found.openings
     if figure is not None:
         with style():
-            save(draw_opening(found, f"candidate {found.chosen.candidate} of {Path(store).name}"), figure)
+            save(draw_opening(openings, f"candidate {found.chosen.candidate} of {Path(store).name}"), figure)
     if as_json:
-        click.echo(json_text(to_json(found)))
+        click.echo(json_text({"candidate": found.chosen.candidate, **openings_to_json(openings)}))
     else:
-        print_opening(found)
+        title = (
+            f"candidate {found.chosen.candidate} ({found.chosen.why}), let go at {openings.at_us:g} µs: "
+            f"{openings.plain.n:,} switches that were held"
+        )
+        print_openings(title, openings, found.chosen.config.objective.level)

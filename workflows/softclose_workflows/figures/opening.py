@@ -5,22 +5,23 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from softclose_workflows.analyses.opening import Judged
+from softclose.opening import Openings
 from softclose_workflows.figures.style import COLOURS, PAGE_IN
 
 
-def draw_opening(found: Judged, title: str) -> Figure:
+def draw_opening(found: Openings, title: str) -> Figure:
     """x in travels (median, and from 5 to 95 %) and volts, from the begin of the fall."""
     figure = Figure(figsize=(PAGE_IN, 3.4))
     motion, drive = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     for o, colour, label in ((found.plain, "open", "falls"), (found.braked, "best", "with a brake")):
         if o is None:
             continue
-        low, middle, high = o.quantiles
-        motion.fill_between(o.times_us, low, high, color=COLOURS[colour], alpha=0.25, linewidth=0)
-        motion.plot(o.times_us, middle, color=COLOURS[colour], linewidth=1.2, label=label)
-        volts = o.waveform.voltage(found.at_us + np.asarray(o.times_us))
-        drive.plot(o.times_us, volts, color=COLOURS[colour], linewidth=1.0)
+        r = o.released
+        low, middle, high = r.quantiles
+        motion.fill_between(r.times_us, low, high, color=COLOURS[colour], alpha=0.25, linewidth=0)
+        motion.plot(r.times_us, middle, color=COLOURS[colour], linewidth=1.2, label=label)
+        volts = r.waveform.voltage(found.at_us + np.asarray(r.times_us))
+        drive.plot(r.times_us, volts, color=COLOURS[colour], linewidth=1.0)
     motion.axhline(0.0, color=COLOURS["muted"], linewidth=0.7, linestyle="dotted")
     motion.set_ylabel("x / D")
     motion.legend(loc="upper right")

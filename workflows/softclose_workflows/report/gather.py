@@ -35,7 +35,7 @@ N_BEST_TRACES = 100
 MAX_PICKS = 12
 """Candidates that a reader may pick; of a longer campaign those of smallest g."""
 
-ENDS = ("_lower", "_upper", "_lower_cm_s", "_upper_cm_s")
+ENDS = ("_lower", "_upper", "_lower_cm_s", "_upper_cm_s", "_lower_us", "_upper_us")
 """How columns end that are ends of intervals."""
 
 _PICK_SAMPLES = 50_000

@@ -117,6 +117,11 @@ def metrics(data: ReportData, i: int) -> list[list[str]]:
         ["largest V", f"{number(c['max_cm_s'], 2)} cm/s", ""],
         ["not closed", percent(c["p_nc"], 2), percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"], 2)],
         ["made contact", percent(c["p_contact"], 2), ""],
+        [
+            f"closing time of {100.0 * data.config.objective.level:g}\u202f%",
+            f"{number(c['closing_us'])} µs",
+            interval(c["closing_lower_us"], c["closing_upper_us"]),
+        ],
     ]
     for limit in data.config.objective.limits_cm_s:
         name = f"{limit:g}"

@@ -18,7 +18,9 @@ from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors import Placement, open_executor
+from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.needs import check_run
+from softclose_workflows.run.opening import design_at_the_end
 from softclose_workflows.run.progress import show_progress
 from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import stop_on_signals
@@ -67,6 +69,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
                 Driver(store, executor, stop=stop, listener=listener).run()
         else:
             _check_whole(path)
+        design_at_the_end(path, threads=n_cores())
 
 
 @contextlib.contextmanager

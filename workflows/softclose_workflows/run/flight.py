@@ -53,6 +53,7 @@ class Flight:
             result.max_contact_speed,
             result.closed,
             result.status,
+            result.settling_us,
         )
         if found != int(result.marker[-1]):
             raise ValueError(f"the result of {task.name} is not what its worker stored: it was damaged on its way")
@@ -81,6 +82,7 @@ class Flight:
             max_contact_speed=np.concatenate([result.max_contact_speed[local] for result, local in parts]),
             closed=np.concatenate([result.closed[local] for result, local in parts]),
             status=np.concatenate([result.status[local] for result, local in parts]),
+            settling_us=np.concatenate([result.settling_us[local] for result, local in parts]),
         )
         return proposed | records.assessment_record(judge(config, response)) | timings
 
@@ -124,6 +126,7 @@ def recovered(stored: Mapping[str, NDArray[Any]], marker: NDArray[np.uint64]) ->
         max_contact_speed=stored["max_contact_speed"],
         closed=stored["closed"].astype(np.bool_),
         status=status,
+        settling_us=stored["settling"],
         marker=marker,
         failures={},
         simulate_s=0.0,

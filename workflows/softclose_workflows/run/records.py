@@ -37,6 +37,7 @@ def assessment_record(a: Assessment) -> dict[str, Any]:
         "max_cm_s": a.max_cm_s,
         "p_nc": a.p_nc,
         "p_contact": a.p_contact,
+        "closing_us": a.closing_us,
         "p_above_v_u": a.p_above_v_u,
         "p_above_v_u_half_width": a.p_above_v_u_half_width,
         "feasible": a.feasible,
@@ -54,6 +55,7 @@ def assessment_record(a: Assessment) -> dict[str, Any]:
         ("mean", a.mean_interval),
     ):
         record[f"{name}_lower_cm_s"], record[f"{name}_upper_cm_s"] = interval
+    record["closing_lower_us"], record["closing_upper_us"] = a.closing_interval
     for kind in ("wald", "wilson", "clopper_pearson"):
         record[f"p_nc_{kind}_lower"], record[f"p_nc_{kind}_upper"] = getattr(a.p_nc_intervals, kind)
         ends = [getattr(e.probability, kind) for e in a.p_exceed]
@@ -80,7 +82,7 @@ def observation(index: int, wave: int, record: Mapping[str, Any]) -> Observation
     )
 
 
-OBSERVED = ("g_cm_s", "g_se_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact")
+OBSERVED = ("g_cm_s", "g_se_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact", "closing_us")
 
 
 def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:

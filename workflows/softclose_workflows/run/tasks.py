@@ -71,6 +71,8 @@ class BlockResult:
     """(c, s)."""
     status: NDArray[np.int8]
     """(c, s)."""
+    settling_us: FloatArray
+    """(c, s) [µs]."""
     marker: NDArray[np.uint64]
     """The block's digests, as stored."""
     failures: Mapping[int, str]
@@ -165,6 +167,7 @@ def run_block(task: BlockTask) -> BlockResult:
         max_contact_speed=np.ascontiguousarray(response[:, :, PLACE["max_contact_speed"]]),
         closed=response[:, :, PLACE["closed"]] == 1.0,
         status=response[:, :, PLACE["status"]].astype(np.int8),
+        settling_us=np.ascontiguousarray(response[:, :, PLACE["settling"]]),
         marker=marker,
         failures=failures,
         simulate_s=simulated - began,

@@ -1,0 +1,147 @@
+"""Owns the front of a store: the candidates that no other beats in all of some objectives, and how it grew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import CampaignConfig, FrontObjective
+from softclose.metrics.pareto import hypervolume, pareto_front
+from softclose.propose.objectives import UNITS, front_values, worst_values
+from softclose.waveform import FloatArray
+from softclose_store import open_campaign
+from softclose_workflows.analyses.certification import CertifyError
+from softclose_workflows.run.records import observations
+from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.plain import finite, waveform_rows
+from softclose_workflows.tell.tables import describe_waveform, metrics_row, with_interval
+
+_STEPS = 40
+"""Points of the growth at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Front:
+    """The front of the candidates that were evaluated on the most switches: smaller ensembles flatter."""
+
+    objectives: tuple[FrontObjective, ...]
+    """What is weighed."""
+    n_switches: int
+    """Switches of the ensemble."""
+    values: FloatArray
+    """(n, k) of every candidate of the campaign; NaN where it is not compared."""
+    worst: FloatArray
+    """(k,) the corner of the hypervolume."""
+    candidates: tuple[int, ...]
+    """On the front, in its order."""
+    growth: tuple[tuple[int, float], ...]
+    """(candidates so far, share of the box below the worst that they dominate)."""
+
+
+def front_of(
+    records: dict[str, NDArray[Any]], config: CampaignConfig, objectives: Sequence[FrontObjective] = ()
+) -> Front | None:
+    """The front of a campaign's records; objectives: those of its own optimiser by default; None: nothing usable."""
+    chosen = tuple(objectives) or config.optimiser.objectives
+    values = front_values(config, observations(records), chosen)
+    sizes = records["n_switches"][np.isfinite(values).all(axis=1)]
+    if not sizes.size:
+        return None
+    values[records["n_switches"] != sizes.max()] = math.nan
+    worst = worst_values(config, chosen)
+    n = len(values)
+    steps = sorted({math.ceil(n * k / _STEPS) for k in range(1, _STEPS + 1)})
+    return Front(
+        objectives=chosen,
+        n_switches=int(sizes.max()),
+        values=values,
+        worst=worst,
+        candidates=tuple(int(i) for i in pareto_front(values)),
+        growth=tuple((k, hypervolume(values[:k], worst)) for k in steps),
+    )
+
+
+def print_front(path: str, objectives: Sequence[FrontObjective]) -> None:
+    """A row a candidate, then how the front grew. Raises CertifyError where nothing is usable yet."""
+    from rich.table import Table
+
+    campaign, front, records = _read(path, objectives)
+    shown = Table(
+        title=f"{path}: {' against '.join(front.objectives)}, {front.n_switches:,} switches",
+        title_justify="left",
+        show_lines=True,
+    )
+    shown.add_column("candidate", justify="right")
+    shown.add_column("waveform")
+    for column in ("v_u \\[cm/s]", "mean V \\[cm/s]", "p_nc", "g \\[cm/s]", "closing time \\[µs]", "peak \\[V]"):
+        shown.add_column(column, justify="right", no_wrap=True)
+    for i in front.candidates:
+        record = {name: column[i] for name, column in records.items()}
+        closing = with_interval(record["closing_us"], record["closing_lower_us"], record["closing_upper_us"], 1)
+        rows = waveform_rows(campaign.waveform(i))
+        shown.add_row(str(i), describe_waveform(rows), *metrics_row(record), closing, f"{_peak(campaign, i):.1f}")
+    console = wide_console()
+    console.print(shown)
+    corner = ", ".join(
+        f"{name} {worst:g} {UNITS[name]}".strip() for name, worst in zip(front.objectives, front.worst, strict=True)
+    )
+    said = ", ".join(f"{share:.4f} after {k:,}" for k, share in _quarters(front))
+    console.print(f"hypervolume, as a share of the box below {corner}: {said} candidates")
+
+
+def front_to_json(path: str, objectives: Sequence[FrontObjective]) -> dict[str, Any]:
+    """One object; undefined numbers are null. Raises CertifyError where nothing is usable yet."""
+    campaign, front, records = _read(path, objectives)
+    names = {
+        "v_u_cm_s": ("v_u_lower_cm_s", "v_u_upper_cm_s"),
+        "p_nc": ("p_nc_wilson_lower", "p_nc_wilson_upper"),
+        "closing_us": ("closing_lower_us", "closing_upper_us"),
+        "mean_cm_s": ("mean_lower_cm_s", "mean_upper_cm_s"),
+        "g_cm_s": ("g_lower_cm_s", "g_upper_cm_s"),
+    }
+    rows = [
+        {
+            "candidate": i,
+            **{name: float(records[name][i]) for name in names},
+            **{f"{name}_interval": [float(records[end][i]) for end in ends] for name, ends in names.items()},
+            "peak_volts": _peak(campaign, i),
+            "waveform": waveform_rows(campaign.waveform(i)),
+        }
+        for i in front.candidates
+    ]
+    found: dict[str, Any] = finite(
+        {
+            "store": path,
+            "objectives": list(front.objectives),
+            "n_switches": front.n_switches,
+            "front": rows,
+            "worst": dict(zip(front.objectives, front.worst.tolist(), strict=True)),
+            "hypervolume": [{"candidates": k, "share": share} for k, share in front.growth],
+        }
+    )
+    return found
+
+
+def _read(path: str, objectives: Sequence[FrontObjective]) -> tuple[Any, Front, dict[str, NDArray[Any]]]:
+    campaign = open_campaign(path)
+    records = dict(campaign.records())
+    front = front_of(records, CampaignConfig.from_dict(campaign.config), objectives)
+    if front is None:
+        raise CertifyError(f"{path} has no usable candidate yet: let the campaign run first")
+    return campaign, front, records
+
+
+def _peak(campaign: Any, i: int) -> float:
+    from softclose.waveform import Waveform
+
+    return Waveform.from_rows(campaign.waveform(i)).max_voltage(campaign.config["model"]["horizon_us"])
+
+
+def _quarters(front: Front) -> list[tuple[int, float]]:
+    last = len(front.growth)
+    return [front.growth[math.ceil(last * k / 4) - 1] for k in (1, 2, 3, 4)]

@@ -1,0 +1,151 @@
+"""Owns the opening that a campaign designs: of a candidate, on its training switches, kept in the store.
+
+A release begins when the lot has long been held, so that nothing of the closing but the holding pulse reaches it: it is
+designed after the search, for a candidate that the search has found (ADR 082).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import CampaignConfig
+from softclose.evaluate import N_PARAMETERS
+from softclose.opening import Opening, OpeningError, Openings, Released, assess_opening, design_brake, let_go, opened
+from softclose.waveform import Waveform
+from softclose_store import (
+    Campaign,
+    DamageError,
+    GroupArray,
+    StoreMissingError,
+    open_campaign,
+    read_group,
+    write_group,
+)
+
+GROUP = "opening"
+"""Group of the store that holds the designed openings, one a candidate."""
+
+_PER_SWITCH = {
+    "held": ("1", "held when the fall began; of the others nothing is said"),
+    "stuck": ("1", "never leaving the contact"),
+    "rebound": ("1", "touching the contact again"),
+    "overshoot": ("1", "largest displacement beyond rest, in travels; NaN: not held"),
+    "settling_us": ("µs", "time from the begin of the fall until it stays near rest; inf: not in time, NaN: not held"),
+}
+
+
+def name_of(candidate: int) -> str:
+    """The group of one candidate's opening."""
+    return f"{GROUP}/{candidate}"
+
+
+def candidate_of(group: str) -> int | None:
+    """The inverse of `name_of`; None for a group of another kind."""
+    kind, _, number = group.partition("/")
+    return int(number) if kind == GROUP and number.isdecimal() else None
+
+
+def designed_opening(path: str, candidate: int, *, threads: int = 1, again: bool = False) -> Openings | None:
+    """The opening of a candidate on the training switches: as stored, or else designed and stored.
+
+    A pure function of the campaign; None where it designs none. again: whatever is stored. Raises OpeningError where
+    the waveform does not hold, or fewer switches than tell anything.
+    """
+    campaign = open_campaign(path)
+    config = CampaignConfig.from_dict(campaign.config)
+    if not config.opening.is_designed:
+        return None
+    stored = None if again else read_opening(path, candidate)
+    if stored is not None:
+        return stored
+    found = _design(campaign, config, candidate, threads)
+    write_group(
+        path,
+        name_of(candidate),
+        opening_arrays(found, "training_switch"),
+        {"candidate": candidate, "release_us": found.at_us},
+        replace=True,
+    )
+    return found
+
+
+def read_opening(path: str, candidate: int) -> Openings | None:
+    """The stored opening of a candidate; None where there is none, or it is damaged: it is designed again then."""
+    try:
+        group = read_group(path, name_of(candidate))
+    except (StoreMissingError, DamageError):
+        return None
+    return openings_of(CampaignConfig.from_dict(open_campaign(path).config), group.arrays)
+
+
+def _design(campaign: Campaign, config: CampaignConfig, candidate: int, threads: int) -> Openings:
+    settings, switches = config.opening, campaign.lot()[: config.opening.n_switches, :N_PARAMETERS]
+    at = settings.release_us
+    drive = opened(Waveform.from_rows(campaign.waveform(candidate)), at)
+    plain = assess_opening(config, let_go(config, switches, drive, at_us=at, threads=threads))
+    if not settings.brake:
+        return Openings(at_us=at, plain=plain, braked=None)
+    braked = design_brake(
+        config, switches, drive, at_us=at, budget=settings.brake, seed=config.campaign.seed, threads=threads
+    )
+    released = let_go(config, switches, braked, at_us=at, threads=threads)
+    return Openings(at_us=at, plain=plain, braked=assess_opening(config, released))
+
+
+def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
+    """What is stored of openings: the drives, and what each switch did; switch: what its dimension is called."""
+    released = [o.released for o in (found.plain, found.braked) if o is not None]
+    rows = np.full((len(released), max(len(r.waveform.pulses) for r in released), 4), math.nan)
+    for row, r in zip(rows, released, strict=True):
+        row[: len(r.waveform.pulses)] = r.waveform.rows()
+
+    def of(name: str, dims: tuple[str, ...], unit: str, meaning: str) -> GroupArray:
+        values = np.stack([getattr(r, name) for r in released])
+        return GroupArray(dims=("release", *dims), values=values, unit=unit, long_name=meaning)
+
+    return {
+        "release_waveform": GroupArray(
+            dims=("release", "release_pulse", "parameter"),
+            values=rows,
+            unit="µs or V",
+            long_name="start, rise, peak, volts of the whole drive, without and with a brake; rows of NaN are absent",
+        ),
+        "release_time": GroupArray(
+            dims=("release_time",), values=released[0].times_us, unit="µs", long_name="since the begin of the fall"
+        ),
+        "release_quantiles": of("quantiles", ("quantile", "release_time"), "1", "5, 50 and 95 % of x / D"),
+        **{f"release_{name}": of(name, (switch,), *words) for name, words in _PER_SWITCH.items()},
+    }
+
+
+def openings_of(config: CampaignConfig, arrays: Mapping[str, NDArray[Any]]) -> Openings | None:
+    """The inverse of `opening_arrays`; None where there is none among the arrays."""
+    if "release_waveform" not in arrays:
+        return None
+    found: list[Opening] = []
+    for place, rows in enumerate(arrays["release_waveform"]):
+        released = Released(
+            waveform=Waveform.from_rows(rows[~np.isnan(rows).all(axis=1)]),
+            times_us=arrays["release_time"],
+            quantiles=arrays["release_quantiles"][place],
+            **{name: arrays[f"release_{name}"][place] for name in _PER_SWITCH},
+        )
+        found.append(assess_opening(config, released))
+    return Openings(at_us=config.opening.release_us, plain=found[0], braked=found[1] if len(found) > 1 else None)
+
+
+def design_at_the_end(path: str, *, threads: int) -> None:
+    """What a finished campaign still has to do: the opening of its best candidate, where it designs one."""
+    best = open_campaign(path).best()
+    if best is None:
+        return
+    try:
+        designed_opening(path, best.candidate, threads=threads)
+    except OpeningError as e:
+        click.echo(f"note: no opening is designed for candidate {best.candidate}: {e}", err=True)
