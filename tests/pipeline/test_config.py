@@ -186,6 +186,7 @@ def test_every_section_documents_its_keys() -> None:
         "model",
         "waveform",
         "objective",
+        "opening",
         "reference",
         "optimiser",
         "explore",

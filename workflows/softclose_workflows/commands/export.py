@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -70,6 +71,7 @@ def export(ctx: click.Context, store: str) -> None:
     epilog="\b\nExamples:\n"
     "  softclose export runs/a.zarr waveform --rate 50 -o drive.csv\n"
     "  softclose export runs/a.zarr waveform --format pwl -o drive.cir\n"
+    "  softclose export runs/a.zarr waveform --release -o drive.csv\n"
     "  softclose export runs/a.zarr waveform --format dac --bits 14 --full-scale 200 -o drive.txt"
 )
 @click.option(
@@ -125,6 +127,9 @@ def export(ctx: click.Context, store: str) -> None:
     show_default=True,
     help="dac: lines beginning with # before the codes; FILE.json says the same in any case.",
 )
+@click.option(
+    "--release", is_flag=True, help="The whole drive: with the opening that the campaign designed (opening.release_us)."
+)
 @click.option("--pull-in", "pull_in_V", type=float, metavar="V", help="Trimmed: the switch's measured pull-in voltage.")
 @click.option("--resonance", "resonance_kHz", type=float, metavar="kHz", help="Trimmed: its measured resonance.")
 @output_option
@@ -134,6 +139,7 @@ def waveform(
     /,
     form: str,
     candidate: int | None,
+    release: bool,
     pull_in_V: float | None,
     resonance_kHz: float | None,
     output: Path | None,
@@ -148,7 +154,9 @@ def waveform(
     store = ctx.obj
     campaign = open_campaign(store)
     i = _candidate(campaign, candidate)
-    drive = Waveform.from_rows(campaign.waveform(i))
+    drive = _whole(store, i) if release else Waveform.from_rows(campaign.waveform(i))
+    if release and settings["duration_us"] is None and form != "pwl":
+        settings["duration_us"] = math.ceil(drive.breakpoints(math.inf)[-1])
     if pull_in_V is not None or resonance_kHz is not None:
         from softclose.config import CampaignConfig
         from softclose_workflows.exports.trim import drive_of
@@ -322,6 +330,17 @@ def trim(store: str, /, devices: Path | None, rows: int, candidate: int | None, 
     config = CampaignConfig.from_dict(campaign.config)
     drive = Waveform.from_rows(campaign.waveform(_candidate(campaign, candidate)))
     _emit(grid_table(config, drive, rows) if devices is None else device_table(config, drive, devices), output)
+
+
+def _whole(store: str, i: int) -> Waveform:
+    """Closing, holding, release and brake."""
+    from softclose_workflows.errors import ExportError
+    from softclose_workflows.run.opening import designed_opening
+
+    found = designed_opening(store, i)
+    if found is None:
+        raise ExportError(f"{store} designs no opening (opening.release_us): leave --release out")
+    return (found.plain if found.braked is None else found.braked).released.waveform
 
 
 def _candidate(campaign: Campaign, i: int | None) -> int:

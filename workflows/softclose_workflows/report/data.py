@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.metrics.objective import CM_S, Assessment
+from softclose.opening import Openings
 from softclose.propose.dependence import Dependence
 from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.analyses.certify import Certification
+from softclose_workflows.analyses.front import Front
 from softclose_workflows.analyses.references import UNSHAPED
 
 BEST = "best candidate"
@@ -78,6 +80,34 @@ class TrimShown:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OverTemperature:
+    """Designs on one lot at each of some temperatures of the campaign's range."""
+
+    celsius: FloatArray
+    """(k,) [°C]."""
+    names: tuple[str, ...]
+    """What charts call the designs."""
+    roles: tuple[str, ...]
+    """Their roles in the palette."""
+    found: tuple[tuple[Assessment, ...], ...]
+    """Of each design, one for each temperature."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plainer:
+    """The best candidate on switches with and without what the device model adds to Eqs. 1-2."""
+
+    kind: Literal["modes", "losses"]
+    """What was left out."""
+    own: Design
+    """As the campaign simulates."""
+    without: Design
+    """Without it."""
+    peaks_um: tuple[float, ...]
+    """Of each further mode the level-quantile of its largest displacement of the contact until the first impact."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidates:
     """The committed candidates, column by column; NaN where a number is undefined."""
 
@@ -130,6 +160,14 @@ class ReportData:
     """Reference designs that there is nothing to show of on the training switches, and why."""
     trim: TrimShown | None
     """What trim brings; None where nothing is measured or there is no best candidate."""
+    temperature: OverTemperature | None
+    """None where the campaign has no range of temperature."""
+    plainer: Plainer | None
+    """None where switches have neither further modes nor losses."""
+    openings: Openings | None
+    """How the best candidate opens, on fresh switches where it is certified; None where none is designed."""
+    front: Front | None
+    """None where no candidate has a result."""
     dependence: Dependence | None
     certification: Certification | None
     """What fresh switches say, if the store has a certification."""

@@ -14,15 +14,28 @@ from softclose.config import CampaignConfig
 from softclose.device import ModelError
 from softclose.evaluate import N_PARAMETERS, judge, respond
 from softclose.metrics.objective import CM_S
+from softclose.opening import Openings
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
 from softclose.trimmed import drive_scales
 from softclose.waveform import FloatArray, Waveform
 from softclose_store.schema.fields import SURROGATE_PREFIX
-from softclose_workflows.analyses.certify import read_certification
+from softclose_workflows.analyses.certify import Certification, read_certification
+from softclose_workflows.analyses.front import front_of
 from softclose_workflows.analyses.references import simulate_references
-from softclose_workflows.report.data import BEST, Candidates, Design, ReportData, Traces, TrimShown, reference_name
+from softclose_workflows.report.conditions import over_temperature, plainer
+from softclose_workflows.report.data import (
+    BEST,
+    Candidates,
+    Design,
+    Plainer,
+    ReportData,
+    Traces,
+    TrimShown,
+    reference_name,
+)
 from softclose_workflows.report.shapes import shares, speed_edges
+from softclose_workflows.run.opening import read_opening
 from softclose_workflows.run.records import observations
 from softclose_workflows.tell import labels
 
@@ -77,6 +90,10 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         designs=designs,
         missing_references=missing,
         trim=_trim(campaign, config, designs[0]) if index is not None else None,
+        temperature=over_temperature(config, designs),
+        plainer=None if index is None else _plainer(campaign, config, designs[0]),
+        openings=_openings(path, index, certification),
+        front=front_of(dict(records), config),
         edges_cm_s=edges,
         shares=shares,
         samples=samples if picks else {},
@@ -223,6 +240,19 @@ def _trim(campaign: Campaign, config: CampaignConfig, best: Design) -> TrimShown
             assessment=judge(config, plain),
         ),
     )
+
+
+def _plainer(campaign: Campaign, config: CampaignConfig, best: Design) -> Plainer | None:
+    try:
+        return plainer(config, best, campaign.lot()[: len(best.speed_cm_s)])
+    except ModelError:
+        return None
+
+
+def _openings(path: str, best: int | None, certification: Certification | None) -> Openings | None:
+    if certification is not None and certification.openings is not None:
+        return certification.openings
+    return None if best is None else read_opening(path, best)
 
 
 def _dependence(config: CampaignConfig, history: list[Observation]) -> Dependence | None:

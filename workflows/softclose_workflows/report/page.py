@@ -16,10 +16,12 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from softclose import __version__
-from softclose_workflows.report import charts, packed, shapes
+from softclose_workflows.report import charts, condition_charts, front_charts, packed, shapes
 from softclose_workflows.report.data import Design, ReportData
-from softclose_workflows.report.summary import candidate_rows, headline, metrics, provenance
+from softclose_workflows.report.summary import candidate_rows, front_words, headline, metrics, opening_rows, provenance
 from softclose_workflows.tell import labels
 
 if TYPE_CHECKING:
@@ -50,6 +52,8 @@ def render_report(data: ReportData) -> str:
         pairs=_pair_names(data),
         best=data.best_design,
         has_notes=any(data.candidates.note),
+        openings=opening_rows(data),
+        front_words=front_words(data),
     )
 
 
@@ -148,6 +152,18 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         pair = (replace(data.best_design, name="each switch its own drive"), data.trim.untrimmed)
         figures["trim-speeds"] = charts.densities(pair, [d.role for d in pair], _top_speed(pair))
         figures["trim-scales"] = charts.trim_scales(data.trim)
+    if data.temperature is not None:
+        figures["temperature-speeds"] = condition_charts.temperature_speeds(data.temperature)
+        figures["temperature-open"] = condition_charts.temperature_open(data.temperature)
+    if data.plainer is not None:
+        both = data.plainer.own, data.plainer.without
+        figures["plainer"] = charts.densities(both, [d.role for d in both], _top_speed(both))
+    if data.openings is not None:
+        figures["opening"] = condition_charts.opening(data.openings)
+    if data.front is not None and len(data.front.candidates) > 1:
+        figures["front"] = front_charts.front(data.front, data.candidates)
+        if np.isfinite(data.front.values).all(axis=1).mean() > 0.5:  # else most of it was on smaller ensembles
+            figures["front-growth"] = front_charts.growth(data.front)
     for name in data.parameters:
         figures[f"population-{name}"] = charts.population(data, name)
     if data.n_committed:

@@ -7,11 +7,12 @@ import time
 from typing import Any
 
 from softclose.metrics.objective import Assessment
+from softclose.opening import Opening
 from softclose.propose.origins import label_of
 from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.report.data import ReportData
-from softclose_workflows.tell.labels import interval, number, percent, percent_interval
+from softclose_workflows.tell.labels import interval, number, percent, percent_interval, pulse_lines
 
 
 def headline(data: ReportData) -> dict[str, Any]:
@@ -100,6 +101,41 @@ def _cards(data: ReportData, a: Assessment) -> list[dict[str, str]]:
         for e in a.p_exceed[:1]
     ]
     return cards
+
+
+def opening_rows(data: ReportData) -> list[dict[str, str]]:
+    """One row without, one with a brake; [] where no opening is designed."""
+    found = data.openings
+    if found is None:
+        return []
+
+    def row(name: str, o: Opening) -> dict[str, str]:
+        settles = "not while watched" if math.isinf(o.settling_us) else number(o.settling_us)
+        return {
+            "name": name,
+            "overshoot": number(o.overshoot, 3),
+            "overshoot_interval": interval(*o.overshoot_interval, 3),
+            "rebound": percent(o.p_rebound.estimate, 2),
+            "rebound_interval": percent_interval(*o.p_rebound.wilson, 2),
+            "stuck": percent(o.p_stuck.estimate, 2),
+            "stuck_interval": percent_interval(*o.p_stuck.wilson, 2),
+            "settling": settles,
+            "settling_interval": interval(*o.settling_interval) if math.isfinite(o.settling_us) else "",
+        }
+
+    rows = [row("the holding pulse falls", found.plain)]
+    if found.braked is not None:
+        p = pulse_lines([tuple(r) for r in found.braked.released.waveform.rows()[-1:].tolist()])[0]
+        name = f"with a brake: {p['volts']} V from {p['start']} µs, rise {p['rise']} µs, flat top {p['top']} µs"
+        rows.append(row(name, found.braked))
+    return rows
+
+
+def front_words(data: ReportData) -> str:
+    """`upper velocity and switches not closed`; empty without a front."""
+    words = {"v_u": "upper velocity", "p_nc": "switches not closed", "closing": "closing time", "peak": "peak voltage"}
+    named = [words[name] for name in data.front.objectives] if data.front is not None else []
+    return " and ".join([", ".join(named[:-1]), *named[-1:]]) if named else ""
 
 
 def metrics(data: ReportData, i: int) -> list[list[str]]:

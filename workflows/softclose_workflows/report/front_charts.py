@@ -1,0 +1,126 @@
+"""Owns the charts of a front: the candidates that no other beats, and how much they dominate the further it went."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.config import FrontObjective
+from softclose.waveform import FloatArray
+from softclose_workflows.analyses.front import Front
+from softclose_workflows.report.charts import Chart, axis, layout, numbers
+from softclose_workflows.report.data import Candidates
+
+TITLES = {
+    "v_u": "Upper velocity (cm/s)",
+    "p_nc": "Not closed (%)",
+    "closing": "Closing time (µs)",
+    "peak": "Peak voltage (V)",
+}
+"""What an axis says of an objective."""
+_ENDS = {
+    "v_u": ("v_u_lower_cm_s", "v_u_upper_cm_s"),
+    "p_nc": ("p_nc_wilson_lower", "p_nc_wilson_upper"),
+    "closing": ("closing_lower_us", "closing_upper_us"),
+}
+_MOST_OTHERS = 1500
+
+
+def front(found: Front, candidates: Candidates) -> Chart:
+    """The first objective over the second, a third one as colour; others are small. A click shows the candidate."""
+    y, x = found.objectives[:2]
+    on = np.array(found.candidates, dtype=np.intp)
+    others = np.setdiff1d(np.flatnonzero(np.isfinite(found.values).all(axis=1)), on)[-_MOST_OTHERS:]
+    third = found.objectives[2] if len(found.objectives) > 2 else None
+    colour: Chart = {"color": "@best"}
+    if third is not None:
+        colour = {
+            "color": numbers(found.values[on, 2]),
+            "colorscale": "Viridis",
+            "colorbar": {"title": {"text": TITLES[third], "side": "right"}, "thickness": 12},
+        }
+    told = "<br>".join(f"{TITLES[name]}: %{{customdata[{k}]}}" for k, name in enumerate(found.objectives, 1))
+    traces: list[Chart] = [
+        {
+            "name": "other candidates",
+            "x": numbers(_shown(found, others, x)),
+            "y": numbers(_shown(found, others, y)),
+            "mode": "markers",
+            "marker": {"color": "@unshaped/0.35", "size": 4},
+            "hoverinfo": "skip",
+        },
+        {
+            "name": "the front",
+            "x": numbers(_shown(found, on, x)),
+            "y": numbers(_shown(found, on, y)),
+            "mode": "markers",
+            "marker": {"size": 7, **colour},
+            "customdata": [
+                [int(i), *numbers(np.array([_shown(found, np.array([i]), name)[0] for name in found.objectives]))]
+                for i in on
+            ],
+            "hovertemplate": "candidate %{customdata[0]}<br>" + told + "<extra></extra>",
+            **_bars(found, candidates, on, "error_y", y),
+            **_bars(found, candidates, on, "error_x", x),
+        },
+    ]
+    top = 1.25 * float(_shown(found, on, y).max())
+    return {
+        "data": traces,
+        "layout": layout(
+            axis(TITLES[x], rangemode="tozero"),
+            axis(TITLES[y], range=[0.0, top]),
+            showlegend=True,
+            height=420,
+        ),
+        "alt": f"{on.size} candidates that no other beats, {TITLES[y]} over {TITLES[x]}.",
+    }
+
+
+def growth(found: Front) -> Chart:
+    """The share of the box that the front dominates, over the candidates so far."""
+    n, share = np.array(found.growth).T
+    return {
+        "data": [
+            {
+                "x": numbers(n, 7),
+                "y": numbers(share),
+                "mode": "lines+markers",
+                "line": {"color": "@best", "width": 2, "shape": "hv"},
+                "marker": {"color": "@best", "size": 5},
+                "hovertemplate": "%{y:.4f} after %{x} candidates<extra></extra>",
+            }
+        ],
+        "layout": layout(
+            axis("Candidates so far"), axis("Hypervolume (share of the box)", rangemode="tozero"), height=300
+        ),
+        "alt": f"Hypervolume of the front, which grows to {share[-1]:.4f} of the box.",
+    }
+
+
+def _shown(found: Front, which: NDArray[np.intp], name: FrontObjective) -> FloatArray:
+    """One objective of some candidates, as an axis has it."""
+    values = found.values[which, found.objectives.index(name)]
+    return np.asarray(values * (100.0 if name == "p_nc" else 1.0))
+
+
+def _bars(found: Front, candidates: Candidates, on: NDArray[np.intp], which: str, name: FrontObjective) -> Chart:
+    """Intervals of the front's candidates; {} where the objective has none, or none holds."""
+    if name not in _ENDS:
+        return {}
+    factor = 100.0 if name == "p_nc" else 1.0
+    low, high = (factor * candidates.columns[end][on] for end in _ENDS[name])
+    if np.isnan(low).all():
+        return {}
+    middle = _shown(found, on, name)
+    return {
+        which: {
+            "type": "data",
+            "symmetric": False,
+            "array": numbers(high - middle),
+            "arrayminus": numbers(middle - low),
+            "thickness": 1,
+            "width": 0,
+            "color": "@best/0.5",
+        }
+    }
