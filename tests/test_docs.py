@@ -2,7 +2,8 @@
 
 Blocks of a page run in order, in one folder of their own with a copy of a small finished store in runs/current.zarr.
 `python` blocks share one namespace; `sh` blocks go to bash, with this `softclose` on the PATH; a `toml` or `csv` block,
-whose first line names a file, is written there as it is shown. Output is shown in `text` blocks, which are not run.
+whose first line names a file, is written there as it is shown, and so is a `python` block that begins with such a name.
+Output is shown in `text` blocks, which are not run.
 """
 
 from __future__ import annotations
@@ -78,7 +79,10 @@ def test_every_block_of_the_page_runs(
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, object] = {"__name__": "__main__"}
     for block in blocks(page):
-        if block.language == "python":
+        script = re.match(r"# (\S+\.py)\n", block.text)
+        if script is not None:
+            (tmp_path / script.group(1)).write_text(block.text, encoding="utf-8")
+        elif block.language == "python":
             code = compile("\n" * block.line + block.text, str(page), "exec")
             exec(code, namespace)
         elif block.language in ("toml", "csv"):

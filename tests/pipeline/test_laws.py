@@ -84,6 +84,12 @@ def test_correlated_variables_of_a_law_are_correlated(tmp_path: Path) -> None:
     assert np.corrcoef(p[:, 2].argsort().argsort(), p[:, 3].argsort().argsort())[0, 1] == pytest.approx(0.9, abs=0.02)
 
 
+def test_a_base_keeps_the_correlations_of_variables_that_stay(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text('base = "current"\n[correlation]\nE-T = 0.7\nD-G = 0.5\n')
+    (tmp_path / "own.toml").write_text('base = "base.toml"\n' + UNIFORM.format("K", 60, 70) + UNIFORM.format("M", 3, 4))
+    assert read_population(tmp_path / "own.toml").correlation == (("D", "G", 0.5),)
+
+
 def test_a_base_of_a_plate_may_be_given_its_own_stiffness(tmp_path: Path) -> None:
     path = tmp_path / "lot.toml"
     path.write_text('base = "current"\n' + K + M)

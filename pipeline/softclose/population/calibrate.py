@@ -167,6 +167,7 @@ def calibrate(
             description=f"Fitted to {len(parameters)} measured devices",
             plate_area_um2=float(plate_area_um2),
             correlation=pairs,
+            formula=None,
             **{v: f.distribution for v, f in fits.items()},
         )
     except PopulationError as e:

@@ -17,6 +17,7 @@ from softclose.naming import did_you_mean
 from softclose.plate import A1, mass, stiffness
 from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError, portable
+from softclose.population.formula import Formula
 from softclose.population.laws import LAWS, UNITS
 from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.population.population import Population
@@ -25,7 +26,7 @@ from softclose.tables import check_keys, finite_number
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
 
-_TOP = ("name", "description", "plate_area_um2", "base", *UNITS, "correlation", "targets", "transform")
+_TOP = ("name", "description", "plate_area_um2", "base", *UNITS, "correlation", "law", "targets", "transform")
 _TARGETS = ("mean_M_ug", "mean_K_N_per_m")
 _TRANSFORMS = ("shift_mean", "repeatability")
 _KEYS = {
@@ -145,18 +146,29 @@ def _build(data: Mapping[str, Any], base: Population | None) -> Population:
             known[v] = known[v].scale_spread(_number(change, "repeatability", 1.0))
         except PopulationError as e:
             raise PopulationError(f"[transform.{v}] {e}") from e
-    correlation = base.correlation if base else ()
+    inherited = base.correlation if base else ()
+    correlation = tuple((a, b, rho) for a, b, rho in inherited if a in known and b in known)
     if "correlation" in data:
         correlation = _correlation(_table(data, "correlation"))
         if "E" in open_nominal and any({a, b} == {"E", "T"} for a, b, _ in correlation):
             raise PopulationError(
                 "targets.mean_K_N_per_m is solved for with E and T independent: give [E] a nominal beside a correlation"
             )
+    formula = base.formula if base is not None and pair == ("E", "T") else None
+    if "law" in data:
+        formula = Formula.from_dict(_table(data, "law"))
+    if formula is not None and "targets" in data:
+        raise PopulationError("targets are solved for by Eqs. 4 and 6, and [law] replaces them: give nominals")
     name = data.get("name", base.name if base else "unnamed")
     description = data.get("description", base.description if base else "")
     area = _number(data, "plate_area_um2") if "plate_area_um2" in data else base.plate_area_um2 if base else None
     return Population(
-        name=str(name), description=str(description), plate_area_um2=area, correlation=correlation, **known
+        name=str(name),
+        description=str(description),
+        plate_area_um2=area,
+        correlation=correlation,
+        formula=formula,
+        **known,
     )
 
 
@@ -282,6 +294,10 @@ def write_population(population: Population, path: str | Path, comments: Iterabl
         lines += ["", f"[{v}]", *_lines(marginal)]
     if population.correlation:
         lines += ["", "[correlation]", *(f"{a}-{b} = {rho!r}" for a, b, rho in population.correlation)]
+    if population.formula is not None:
+        table = population.formula.to_dict()
+        told = (f"{name} = {_string(v) if isinstance(v, str) else repr(v)}" for name, v in table.items())
+        lines += ["", "[law]", *told]
     Path(path).write_text("\n".join(lines) + "\n", "utf-8")
 
 

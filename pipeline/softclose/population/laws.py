@@ -26,6 +26,8 @@ class Law:
     """(G, first, second, area) -> (K, M)."""
     rests_on_area: bool = False
     """Whether the area decides K."""
+    rests_on_gap: bool = False
+    """Whether G decides K or M."""
 
 
 def mass_from_frequency(stiffness_N_per_m: FloatArray, frequency_kHz: FloatArray) -> FloatArray:
@@ -44,7 +46,7 @@ LAWS: Mapping[tuple[str, str], Law] = {
         Law(variables=("E", "T"), switch=lambda g, e, t, area: (stiffness(e, t), mass(t))),
         Law(variables=("K", "M"), switch=lambda g, k, m, area: (k, m)),
         Law(variables=("K", "f"), switch=lambda g, k, f, area: (k, mass_from_frequency(k, f))),
-        Law(variables=("U_pi", "f"), switch=_from_pull_in, rests_on_area=True),
+        Law(variables=("U_pi", "f"), switch=_from_pull_in, rests_on_area=True, rests_on_gap=True),
     )
 }
 """By their variables: the plate's modulus and thickness; stiffness and mass; stiffness and resonance; pull-in voltage

@@ -18,6 +18,7 @@ from softclose.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 from softclose.population import copula
 from softclose.population.copula import Correlation
 from softclose.population.distributions import PopulationError, portable
+from softclose.population.formula import Formula
 from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
@@ -59,12 +60,16 @@ class Population:
     """Plate area [µm²] under which E was inferred from pull-in voltages; None: E rests on no area."""
     correlation: tuple[Correlation, ...] = ()
     """Rank correlations of pairs of variables, in a Gaussian copula; pairs that are not named are independent."""
+    formula: Formula | None = None
+    """K and M as formulas of E, T and G, in the place of Eqs. 4 and 6."""
 
     def __post_init__(self) -> None:
         given = tuple(v for v in UNITS if v not in ("D", "G") and getattr(self, v) is not None)
         if not any(set(given) == set(pair) for pair in LAWS):
             pairs = ", ".join(" and ".join(pair) for pair in LAWS)
             raise PopulationError(f"a lot has {', '.join(given) or 'nothing'} beside D and G; give one pair of {pairs}")
+        if self.formula is not None and set(given) != {"E", "T"}:
+            raise PopulationError(f"[law] says how K and M follow from E and T, and the lot has {' and '.join(given)}")
         area = self.plate_area_um2
         if self.law.rests_on_area and area is None:
             raise PopulationError("K follows from U_pi by the plate's area: give plate_area_um2")
@@ -74,12 +79,14 @@ class Population:
             lower = getattr(self, variable).lower
             if lower <= 0.0:
                 raise PopulationError(f"{variable} reaches down to {lower:g} {UNITS[variable]}; it must stay above 0")
-        if self.T is not None and self.T.lower <= A1:
+        if self.T is not None and self.formula is None and self.T.lower <= A1:
             raise PopulationError(
                 f"T reaches down to {self.T.lower:g} µm; Eq. 4 has no stiffness at or below {A1} µm "
                 "(it was fitted to plates 5 to 9 µm thick)"
             )
         copula.check(self.correlation, self.variables)
+        if self.formula is not None:
+            self.extremes()  # positive at all ends of the ranges
         if self.D.upper >= self.G.lower:
             raise PopulationError(
                 f"D reaches up to {self.D.upper:g} µm and G down to {self.G.lower:g} µm; every switch needs D < G: "
@@ -89,6 +96,8 @@ class Population:
     @property
     def law(self) -> Law:
         """How K and M follow from what is given."""
+        if self.formula is not None:
+            return self.formula.law
         return LAWS[next(pair for pair in LAWS if all(getattr(self, v) is not None for v in pair))]
 
     @property
@@ -114,7 +123,7 @@ class Population:
             Columns D, G [µm], K [N/m], M [µg].
         """
         p = np.asarray(parameters, dtype=np.float64)
-        if self.law.variables == VARIABLES[2:]:
+        if self._is_plate:
             return switches_from_parameters(p)
         if p.ndim != 2 or p.shape[1] != 4:
             raise PopulationError(
@@ -237,13 +246,18 @@ class Population:
             k, m = self.law.switch(g, a, b, area)
             return f(np.stack(np.broadcast_arrays(k, m), axis=-1))
 
-        if not self.law.rests_on_area:
+        if not self.law.rests_on_gap:
             return copula.expect(
                 lambda a, b: of_pair(np.ones_like(a), a, b), (first.quantile, second.quantile), self._correlated
             )
         # K follows from G too, and all three may be correlated: a fixed quasi-random sample of them.
         p = self.sample_parameters(_N_MOMENTS, seed=0, sampling="sobol")
         return float(np.mean(of_pair(p[:, 1], p[:, 2], p[:, 3])))
+
+    @property
+    def _is_plate(self) -> bool:
+        """Whether Eqs. 4-6 hold."""
+        return self.E is not None and self.formula is None
 
     @property
     def _correlated(self) -> float:
@@ -253,7 +267,7 @@ class Population:
     @property
     def mean_K(self) -> float:
         """E[K] [N/m]: Eq. 4 is linear in E, which is independent of T unless a correlation says otherwise."""
-        if self.E is not None and self.T is not None and not self._correlated:
+        if self._is_plate and self.E is not None and self.T is not None and not self._correlated:
             e = self.E.mean
             return portable(self.T.expect(lambda t: stiffness(e, t)))
         return self.K.mean if self.K is not None else portable(self._expect(lambda km: km[..., 0]))
@@ -261,7 +275,7 @@ class Population:
     @property
     def mean_M(self) -> float:
         """E[M] [µg]."""
-        if self.T is not None:
+        if self._is_plate and self.T is not None:
             return portable(self.T.expect(mass))
         return self.M.mean if self.M is not None else portable(self._expect(lambda km: km[..., 1]))
 
@@ -297,7 +311,7 @@ class Population:
         else:
             corners = np.array([[d.lower, g.lower, ks.min(), 1.0], [d.upper, g.upper, ks.max(), 1.0]])
             u_pi = pull_in_voltage(corners, plate_area_um2)
-        if self.E is not None and self.T is not None and not self._correlated:
+        if self._is_plate and self.E is not None and self.T is not None and not self._correlated:
             e, t = self.E, self.T
             k_square = (e.sd**2 + e.mean**2) * t.expect(lambda x: stiffness(1.0, x) ** 2)
             m_square = t.expect(lambda x: mass(x) ** 2)
@@ -334,6 +348,8 @@ class Population:
             out[v] = marginal.to_dict()
         if self.correlation:
             out["correlation"] = [list(pair) for pair in self.correlation]
+        if self.formula is not None:
+            out["law"] = self.formula.to_dict()
         return out
 
     @classmethod
@@ -347,6 +363,7 @@ class Population:
                 description=str(data.get("description", "")),
                 plate_area_um2=None if area is None else float(area),
                 correlation=tuple((str(a), str(b), float(rho)) for a, b, rho in data.get("correlation", ())),
+                formula=Formula.from_dict(data["law"]) if "law" in data else None,
                 **marginals,
             )
         except (KeyError, TypeError, ValueError) as e:
