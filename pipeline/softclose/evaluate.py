@@ -164,15 +164,13 @@ def _responses(
     equal = model.name == SINGLE_MODE and model.build_losses().none
     if not isinstance(waveform, Trace):
         waveform.check(max_volts, model.horizon_us)
-    elif not (scatters and equal):
+    elif not scatters:
         raise WaveformError(
-            "a sampled drive is not scaled for a switch: simulate it as it is, on columns D, G, K and M (an "
-            "[amplifier] that scatters goes with single-mode only, or without bandwidth, slew limit, offset and delay)"
+            "a sampled drive is not scaled for a switch: simulate it as it is, on columns D, G, K and M"
         )
     scales = drive_scales(config, switches, waveform)
     if equal:
         return by_equal_switches(simulate, plain, waveform, scales)
-    assert isinstance(waveform, Waveform)
     anything = partial(simulate, max_volts=math.inf)
     return drive_by_drive(anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=times_us)
 

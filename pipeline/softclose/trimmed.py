@@ -67,7 +67,7 @@ def by_equal_switches(simulate: Simulate, switches: FloatArray, waveform: Drive,
 def drive_by_drive(
     simulate: Simulate,
     switches: FloatArray,
-    waveform: Waveform,
+    waveform: Drive,
     scales: Scales,
     *,
     horizon_us: float,
@@ -81,7 +81,10 @@ def drive_by_drive(
     for i, (a, b) in enumerate(pairs):
         rows = which == i
         times = None if times_us is None else np.asarray(times_us) * b
-        found = simulate(switches[rows], scaled(waveform, a, b), horizon_us=horizon_us * b, times_us=times)
+        own = (
+            Trace(waveform.times_us * b, waveform.volts * a) if isinstance(waveform, Trace) else scaled(waveform, a, b)
+        )
+        found = simulate(switches[rows], own, horizon_us=horizon_us * b, times_us=times)
         first = found if first is None else first
         for field in fields(found):
             values = getattr(found, field.name)

@@ -174,8 +174,14 @@ def test_random_errors_reach_a_delivered_drive_and_a_model_of_losses() -> None:
     one = respond(load_config({}, ["model.quality_factor=30", f"model.horizon_us={250 * b}"]), switches[3:4, :4], own)
     assert found.final_x[3] == pytest.approx(one.final_x[0], rel=1e-9)
     both = load_config({}, [*SCATTER, "model.quality_factor=30", "amplifier.bandwidth_kHz=80"])
-    with pytest.raises(WaveformError, match="without bandwidth"):
-        respond(both, switches, DRIVE)
+    found = respond(both, switches, DRIVE)
+    delivered = deliver(both.amplifier, DRIVE, 250.0)
+    own_trace = Trace(delivered.times_us * b, delivered.volts * a)
+    one = respond(
+        load_config({}, ["model.quality_factor=30", f"model.horizon_us={250 * b}"]), switches[3:4, :4], own_trace
+    )
+    assert found.max_contact_speed[3] == pytest.approx(one.max_contact_speed[0], rel=1e-9)
+    assert found.settling_us[3] == pytest.approx(one.settling_us[0], rel=1e-9)
 
 
 def test_a_random_error_is_not_held_within_the_limits_of_the_command() -> None:

@@ -190,7 +190,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     state, launched = FREE, False
     n_impacts, n_steps, i_time = 0, 0, 0
     n_times = times.shape[0]
-    h = 0.1
+    h, known, pushed = 0.1, False, 0.0
     for piece in range(pieces.shape[0]):
         t, end = pieces[piece, 0], pieces[piece, 1]
         while t < end:
@@ -199,10 +199,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 x_out[i_time:] = math.nan
                 v_out[i_time:] = math.nan
                 return v_max, first, math.inf, n_impacts, math.nan, math.nan, False, 1
-            u = voltage(pieces, n_ramps, ramps, piece, t)
-            pushed = _slopes(K[0], y, u, state, n, switch)
+            if not known:
+                u = voltage(pieces, n_ramps, ramps, piece, t)
+                pushed = _slopes(K[0], y, u, state, n, switch)
+                known = True
             if state == HELD and pushed < -adhesion:
-                state, launched, settled = FREE, True, math.inf
+                state, launched, settled, known = FREE, True, math.inf, False
                 h = min(h, 0.5)
                 continue
             x0 = v0 = a0 = 0.0
@@ -218,10 +220,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
             last = h >= end - t
             hs = end - t if last else h
             tension = False
+            pressed = 0.0
             for s in range(1, LAST + 1):
-                u = voltage(pieces, n_ramps, ramps, piece, t + NODES[s] * hs)
-                pushed = _stage(K, s, y, hs, work, u, state, n, switch)
-                tension = tension or pushed < -adhesion
+                if s < LAST:  # the last two are at the same instant
+                    u = voltage(pieces, n_ramps, ramps, piece, t + NODES[s] * hs)
+                pressed = _stage(K, s, y, hs, work, u, state, n, switch)
+                tension = tension or pressed < -adhesion
             five = three = 0.0
             for j in range(n2):
                 e5 = e3 = 0.0
@@ -284,6 +288,8 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if theta < 0.0:
                 for j in range(n2):
                     y[j] = work[j]
+                    K[0, j] = K[LAST, j]  # the last stage of a step is the first of the next
+                pushed = pressed
                 t = t_next
                 h = grown
                 if n_impacts == 0:
@@ -291,6 +297,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
                         peaks[i] = max(peaks[i], abs(modes[i, 3] * y[i]))
                 continue
             # A contact made or lost: a step of just that length.
+            known = False
             tau = theta * hs
             for s in range(1, LAST + 1):
                 u = voltage(pieces, n_ramps, ramps, piece, t + NODES[s] * tau)
