@@ -30,6 +30,7 @@ def flight(failures: dict[int, str] | None = None) -> Flight:
             max_contact_speed=speeds,
             closed=np.ones((2, 3), dtype=bool),
             status=np.zeros((2, 3), dtype=np.int8),
+            settling_us=10.0 * speeds,
             marker=np.array([1], dtype=np.uint64),
             failures=failures or {},
             simulate_s=4.0 + column,
@@ -48,6 +49,7 @@ def test_a_record_is_of_the_candidates_own_switches_in_all_blocks() -> None:
     first, second = flight().rows(load_config("current"))
     assert first["mean_cm_s"] == pytest.approx(100.0 * np.mean([0.1, 0.2, 0.3, 1.1, 1.2, 1.3]))
     assert second["max_cm_s"] == pytest.approx(160.0)
+    assert (first["closing_us"], second["closing_us"]) == (13.0, 16.0)
     assert not first["failed"]
     np.testing.assert_array_equal(second["waveform"], DRIVES[1].rows())
 
@@ -66,11 +68,13 @@ def test_a_stored_block_is_taken_over_unless_a_candidate_of_it_failed() -> None:
         "max_contact_speed": np.ones((2, 3)),
         "closed": np.ones((2, 3)),
         "status": np.zeros((2, 3)),
+        "settling": np.full((2, 3), 40.0),
     }
     marker = np.array([7], dtype=np.uint64)
     taken = recovered(stored, marker)
     assert taken is not None
     assert (taken.simulate_s, taken.store_s, taken.failures) == (0.0, 0.0, {})  # nobody spent time on it now
     assert taken.closed.dtype == bool
+    np.testing.assert_array_equal(taken.settling_us, 40.0)
     stored["status"][1] = -1  # the reason is not stored
     assert recovered(stored, marker) is None

@@ -54,6 +54,7 @@ def test_other_definitions_equal_a_naive_look_at_a_fresh_simulation(store: str) 
         class Naive:
             max_contact_speed = speeds
             closed = np.array([s <= 90.0 for s in fresh.settling_us])
+            settling_us = fresh.settling_us
 
         assert repr(r.assessment) == repr(assess(Naive()))
 
@@ -65,6 +66,7 @@ def test_first_impact_only(store: str) -> None:
         class Naive:
             max_contact_speed = fresh.impact_speed[:, 0]
             closed = fresh.closed
+            settling_us = fresh.settling_us
 
         assert repr(r.assessment) == repr(assess(Naive()))
 
