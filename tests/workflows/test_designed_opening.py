@@ -152,7 +152,13 @@ def test_damage_is_repaired_to_the_same_bits(certified: str, best: int) -> None:
 
 
 def test_the_report_has_both(certified: str) -> None:
-    page = render_report(gather(certified, learned=False))
+    data = gather(certified, learned=False)
+    certificate = read_certification(certified)
+    assert certificate is not None
+    assert certificate.openings is not None
+    assert data.openings is not None
+    assert data.openings.plain.n == certificate.openings.plain.n > 60, "the fresh switches', not the training ones'"
+    page = render_report(data)
     assert 'id="opening"' in page
     assert "fresh switches that were held then" in page
     assert 'data-figure="opening"' in page
