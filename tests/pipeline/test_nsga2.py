@@ -102,6 +102,18 @@ def test_a_generation_is_a_function_of_the_records() -> None:
     assert len(np.unique(np.round([space.unit(p.waveform, clip=True) for p in more], 9), axis=0)) == last.size
 
 
+def test_other_objectives_have_other_offspring() -> None:
+    problem = _problem(192)
+    history, last = _run(problem), plan(problem)[-1]
+    seen = [o for o in history if o.wave < last.index]
+    engine = load_engine("nsga2")
+    found = [
+        [p.waveform for p in engine.propose_wave(_problem(192, optimiser=o), last, seen, ())]  # type: ignore[union-attr]
+        for o in ({"engine": "nsga2"}, {"engine": "nsga2", "objectives": ["closing", "peak"]})
+    ]
+    assert found[0] != found[1]
+
+
 def test_without_pymoo_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pymoo", None)
     with pytest.raises(EngineError, match=r"softclose\[pareto\]"):

@@ -10,7 +10,7 @@ import pytest
 from softclose import Pulse, Waveform
 from softclose.config import load_config
 from softclose.evaluate import draw
-from softclose.opening import OpeningError, design_brake, judge_opening, opened
+from softclose.opening import OpeningError, design_brake, joined, judge_opening, let_go, opened
 
 SOFT = Waveform([Pulse(0, 4.4, 7.25, 111.6), Pulse(56.5, 19, math.inf, 75)])
 STEP = Waveform([Pulse(0, 0.0, math.inf, 110)])
@@ -84,3 +84,25 @@ def test_what_cannot_be_judged_is_said() -> None:
         judge_opening(config, np.ones((20, 6)), opened(SOFT, 250.0), at_us=250.0)
     with pytest.raises(OpeningError, match="0 of 50 switches are held"):
         judge_opening(config, draw(config, 50, seed=1), opened(low, 250.0), at_us=250.0)
+
+
+def test_what_was_not_held_is_not_judged() -> None:
+    """Let go while half of the lot still bounces."""
+    config = load_config({})
+    drive = Waveform([*opened(SOFT, 80.0).pulses, Pulse(110.0, 0.0, math.inf, 120.0)])  # closes all of them again
+    found = let_go(config, draw(config, 400, seed=3), drive, at_us=80.0)
+    assert 0.05 < found.held.mean() < 0.95
+    assert not (found.stuck | found.rebound)[~found.held].any()
+    assert found.rebound[found.held].all()
+    assert np.isnan(found.overshoot[~found.held]).all()
+    assert np.isnan(found.settling_us[~found.held]).all()
+    assert np.isfinite(found.overshoot[found.held]).all()
+
+
+def test_parts_of_a_lot_are_the_lot() -> None:
+    config = load_config({})
+    switches, drive = draw(config, 60, seed=3), opened(SOFT, 250.0)
+    whole = let_go(config, switches, drive, at_us=250.0)
+    parts = joined([let_go(config, part, drive, at_us=250.0) for part in np.split(switches, 3)])
+    for name in ("held", "stuck", "rebound", "overshoot", "settling_us"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from softclose import Pulse, Waveform
 from softclose.config import ConfigError, load_config
 from softclose.evaluate import draw, evaluate, respond
-from softclose.temperature import heated
+from softclose.temperature import heated, worse
 
 TABLES: dict[str, Any] = {
     "celsius": [-40, 20, 85],
@@ -74,6 +75,13 @@ def test_at_its_worst_each_switch_has_the_largest_speed_and_closes_only_if_it_al
     np.testing.assert_array_equal(found.times_us, times)
     own = config(low_C=-40, high_C=85)
     assert evaluate(worst, lot, DRIVE).g_cm_s > evaluate(own, draw(own, 3000, seed=5), DRIVE).g_cm_s + 1.0
+
+
+def test_a_switch_that_could_not_be_integrated_at_one_temperature_is_none() -> None:
+    whole = respond(load_config({}), draw(load_config({}), 5, seed=1), DRIVE)
+    status = np.array([0, 1, 0, 0, 0], dtype=np.int8)
+    for pair in ((replace(whole, status=status), whole), (whole, replace(whole, status=status))):
+        np.testing.assert_array_equal(worse(*pair).status, status)
 
 
 @pytest.mark.parametrize(("low", "high", "worst_of"), [(-40, 85, 1), (20, 20, 3)])

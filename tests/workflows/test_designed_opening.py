@@ -78,6 +78,13 @@ def test_a_run_ends_with_the_opening_of_its_best_candidate(store: str, best: int
     assert found.braked.overshoot < found.plain.overshoot - 0.05
 
 
+def test_what_is_designed_stays(store: str, best: int) -> None:
+    file = Path(store) / "opening" / str(best) / "zarr.json"
+    before = file.stat().st_mtime_ns
+    _softclose("resume", store, "--serial", "--quiet")
+    assert file.stat().st_mtime_ns == before
+
+
 def test_the_objective_does_not_see_the_release(store: str, best: int) -> None:
     campaign = open_campaign(store)
     config = CampaignConfig.from_dict(campaign.config)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from small_campaigns import COARSE, make_campaign
+from small_campaigns import COARSE, COMPLETE, make_campaign
 from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, draw, judge, respond
 from softclose.presets import find_preset
@@ -84,6 +84,18 @@ def test_the_best_candidate_is_shown_with_and_without(kind: str, settings: tuple
     np.testing.assert_allclose(found.own.speed_cm_s, data.designs[0].speed_cm_s, rtol=1e-6)
     assert np.nanmax(np.abs(found.own.speed_cm_s - found.without.speed_cm_s)) > 0.1
     assert len(found.peaks_um) == (1 if kind == "modes" else 0)
+
+
+def test_only_candidates_of_the_largest_ensemble_are_on_the_front(tmp_path: Path) -> None:
+    campaign = open_campaign(make_campaign(tmp_path / "a.zarr", *COMPLETE))
+    records = dict(campaign.records())
+    found = front_of(records, CampaignConfig.from_dict(campaign.config))
+    assert found is not None
+    assert found.n_switches == 100
+    assert {*records["n_switches"]} == {40, 100}
+    assert {int(records["n_switches"][i]) for i in found.candidates} == {100}
+    compared = np.isfinite(found.values).all(axis=1)
+    assert {*records["n_switches"][compared]} == {100}
 
 
 @pytest.mark.parametrize("objectives", [["v_u", "p_nc"], ["peak", "closing", "v_u"]])
