@@ -187,7 +187,7 @@ def _group(path: str, name: str) -> str:
         candidate = candidate_of(name)
         if candidate is None:
             certify_again(path, name)
-        elif designed_opening(path, candidate, again=True) is None:
+        elif designed_opening(path, candidate) is None:
             return f"{name} of {path} belongs to no opening that this campaign designs: delete that group"
     except (CertifyError, OpeningError, StoreError) as e:
         return str(e)

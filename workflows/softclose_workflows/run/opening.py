@@ -51,17 +51,17 @@ def candidate_of(group: str) -> int | None:
     return int(number) if kind == GROUP and number.isdecimal() else None
 
 
-def designed_opening(path: str, candidate: int, *, threads: int = 1, again: bool = False) -> Openings | None:
+def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings | None:
     """The opening of a candidate on the training switches: as stored, or else designed and stored.
 
-    A pure function of the campaign; None where it designs none. again: whatever is stored. Raises OpeningError where
-    the waveform does not hold, or fewer switches than tell anything.
+    A pure function of the campaign; None where it designs none. What is damaged is designed again. Raises
+    OpeningError where the waveform does not hold, or fewer switches than tell anything.
     """
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
     if not config.opening.is_designed:
         return None
-    stored = None if again else read_opening(path, candidate)
+    stored = read_opening(path, candidate)
     if stored is not None:
         return stored
     found = _design(campaign, config, candidate, threads)
