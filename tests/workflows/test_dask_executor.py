@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import dask
@@ -163,8 +164,8 @@ def test_blocks_are_sent_ahead_of_the_workers_and_no_further(client, executor, t
 def test_a_scheduler_is_never_given_more_than_it_can_hold(task):
     client = StandIn([f"w{i}" for i in range(400)])
     executor = DaskExecutor(client, None, PATIENCE_S)
-    for _ in range(1200):
-        executor.submit(task)
+    for row in range(1200):  # blocks of their own: names of one and the same differ by six random digits only
+        executor.submit(replace(task, row=row))
     assert len(client.sent) == executors.MOST_LIVE
 
 
