@@ -332,7 +332,7 @@ class OpeningSection:
     n_switches: Annotated[int, Field(ge=10, le=MAX_COUNT, strict=True)] = 500
     """Switches of the training ensemble that the brake is designed on, all of a smaller one."""
     watch_us: Annotated[float, Field(ge=1, le=1e4)] = 200.0
-    """How long the lot is watched after the fall began [µs]."""
+    """How long the lot is watched after the fall began [µs], at 800 instants."""
 
     @property
     def is_designed(self) -> bool:

@@ -24,8 +24,8 @@ from softclose.waveform import FloatArray, Pulse, Waveform
 
 BAND = 0.05
 """A switch has settled where its displacement stays within this part of its travel."""
-STEP_US = 0.25
-"""Between two looks at a motion [µs]."""
+LOOKS = 800
+"""Looks at a motion while it is watched."""
 GENERATION = 12
 """Brakes that CMA-ES tries between two changes of its mind."""
 LEAST_HELD = 10
@@ -145,7 +145,7 @@ def let_go(
         raise OpeningError(
             "of each switch the worst temperature is told (temperature.worst_of), not the one it opens at"
         )
-    times = np.arange(0.0, config.opening.watch_us + 0.5 * STEP_US, STEP_US)
+    times = np.linspace(0.0, config.opening.watch_us, LOOKS + 1)
     horizon = at_us + float(times[-1])
     longer = replace(
         config, model=replace(config.model, horizon_us=horizon), opening=replace(config.opening, release_us=0.0)

@@ -210,6 +210,12 @@ def test_intervals_hold_on_fresh_switches_whatever_the_campaign_samples(store: s
     assert assess_fresh(response, config).intervals_valid
 
 
+def test_the_deterministic_design_rises_as_fast_as_the_campaign_s_waveforms_may() -> None:
+    for rise_us in (2.5, 4.0, 6.0):
+        found = reference_designs(load_config("current", [f"waveform.min_rise_us={rise_us}"]))
+        assert [p.rise_us for p in found.designs["deterministic"].pulses] == [rise_us, rise_us]
+
+
 def test_reference_designs_keep_the_campaign_s_limit() -> None:
     designs = reference_designs(load_config("current", ["waveform.max_volts=120"])).designs
     assert designs["deterministic"].max_voltage() <= 120.0 * (1.0 + 1e-9)

@@ -29,7 +29,8 @@ class References:
 
 
 def reference_designs(config: CampaignConfig) -> References:
-    """The unshaped step, at `reference.step_volts`, and the deterministic design where the limits allow one."""
+    """The unshaped step, at `reference.step_volts`, and the deterministic design where the limits allow one: as fast
+    as `waveform.min_rise_us` lets it rise."""
     from softclose.baselines import BaselineError, deterministic_design, unshaped
 
     designs, missing = {UNSHAPED: unshaped(config.reference.step_volts)}, {}
@@ -39,6 +40,7 @@ def reference_designs(config: CampaignConfig) -> References:
             max_volts=config.waveform.max_volts,
             plate_area_um2=config.model.plate_area_um2,
             horizon_us=config.model.horizon_us,
+            rise_us=config.waveform.min_rise_us,
         )
     except BaselineError as e:
         missing[DETERMINISTIC] = str(e)
