@@ -828,7 +828,7 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
     Parameters
     ----------
     source : str, Path or mapping
-        Relative paths of populations are taken from the TOML's own folder.
+        Relative paths of populations and modes in a TOML are taken from its own folder, those of overrides from here.
     overrides : iterable of str
         `section.key=value` each.
 
@@ -849,8 +849,6 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
         except PresetError as e:
             raise ConfigError(str(e)) from e
         data = read_toml(where)
-    for override in _texts(overrides):
-        _apply(data, override)
     for section, key in (("population", "name"), ("model", "modes")):
         table = data.get(section)
         if not isinstance(table, dict):
@@ -860,6 +858,8 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
             beside = where.parent / name
             if beside.exists():
                 table[key] = str(beside)
+    for override in _texts(overrides):  # paths in them are from where the user stands, not from a file's own folder
+        _apply(data, override)
     config = _validate(data)
     try:
         config.check_plugins()

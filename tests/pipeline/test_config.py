@@ -228,3 +228,17 @@ def test_losses_reach_every_evaluation() -> None:
     modes = respond(load_config("current-two-modes"), switches, waveform)
     assert modes.mode_peak_um is not None
     assert modes.mode_peak_um.shape == (20, 2)
+
+
+def test_a_path_in_an_override_is_from_here_and_one_in_a_file_from_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "there").mkdir()
+    for place in ("here", "there"):
+        (tmp_path / place / "lot.toml").write_text(f'base = "current"\nname = "from {place}"\n')
+    (tmp_path / "there" / "own.toml").write_text('[population]\nname = "lot.toml"\n')
+    monkeypatch.chdir(tmp_path / "here")
+    assert load_config("../there/own.toml").build_population().name == "from there"
+    own = load_config("../there/own.toml", ["population.name=lot.toml"])
+    assert own.build_population().name == "from here"
