@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -99,13 +100,14 @@ class Formula:
         return cls(K=table["K"], M=table["M"], constants=constants)
 
 
-def _names(which: str, text: str) -> set[str]:
+@lru_cache(maxsize=64)
+def _names(which: str, text: str) -> frozenset[str]:
     """Names that a formula uses. Raises PopulationError where it is none."""
     from numexpr.necompiler import getExprNames
 
     if len(text) > _MOST_CHARACTERS:
         raise PopulationError(f"[law] {which} has {len(text)} characters; at most {_MOST_CHARACTERS}")
     try:
-        return set(getExprNames(text, {}, sanitize=True)[0])
+        return frozenset(getExprNames(text, {}, sanitize=True)[0])
     except Exception as x:  # a syntax error, or whatever numexpr refuses
         raise PopulationError(f"[law] {which} = {text!r} is no formula: {x}") from x
