@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, respond
-from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_interval, quantile_rank
+from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_estimate
 from softclose.plate import holding_voltage
 from softclose.propose.descents import strategy
 from softclose.waveform import FloatArray, Pulse, Waveform
@@ -197,17 +197,17 @@ def assess_opening(config: CampaignConfig, released: Released) -> Opening:
     if n < LEAST_HELD:
         raise OpeningError(f"{n} of {held.size} switches are held when the fall begins; open later, or hold higher")
     level, confidence = config.objective.level, config.objective.confidence
-    rank = quantile_rank(n, level) - 1
-    overshoot, settling = np.sort(released.overshoot[held]), np.sort(released.settling_us[held])
+    overshoot, overshoot_interval = quantile_estimate(np.sort(released.overshoot[held]), level, confidence)
+    settling_us, settling_interval = quantile_estimate(np.sort(released.settling_us[held]), level, confidence)
     return Opening(
         released=released,
         n=n,
         p_stuck=proportion(int(released.stuck.sum()), n, confidence),
         p_rebound=proportion(int(released.rebound.sum()), n, confidence),
-        overshoot=float(overshoot[rank]),
-        overshoot_interval=quantile_interval(overshoot, level, confidence),
-        settling_us=float(settling[rank]),
-        settling_interval=quantile_interval(settling, level, confidence),
+        overshoot=overshoot,
+        overshoot_interval=overshoot_interval,
+        settling_us=settling_us,
+        settling_interval=settling_interval,
     )
 
 

@@ -127,6 +127,12 @@ def quantile_interval(ordered: FloatArray, level: float, confidence: float = 0.9
     )
 
 
+def quantile_estimate(ordered: FloatArray, level: float, confidence: float = 0.95) -> tuple[float, Interval]:
+    """The level-quantile of Eqs. 8-9 and its order-statistic interval. ordered: (n,) ascending, n >= 1."""
+    value = float(ordered[quantile_rank(ordered.size, level) - 1])
+    return value, quantile_interval(ordered, level, confidence)
+
+
 def least_for_quantile_interval(level: float, confidence: float = 0.95) -> int:
     """Fewest draws that bound the level-quantile from above with this confidence: 36 at 90 % and 95 %."""
     n = 1

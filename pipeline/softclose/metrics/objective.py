@@ -218,8 +218,7 @@ def assess(
     v_u, v_u_interval, v_u_se, association = math.nan, intervals.NO_INTERVAL, 0.0, 0.0
     above = math.nan, math.nan
     if defined:
-        v_u = float(ordered[intervals.quantile_rank(n_contact, level) - 1])
-        lower, upper = intervals.quantile_interval(ordered, level, confidence)
+        v_u, (lower, upper) = intervals.quantile_estimate(ordered, level, confidence)
         v_u_interval = max(lower, 0.0), upper  # a speed: 0 bounds it where no draw does
         v_u_se = intervals.quantile_standard_error(ordered, level) if n_contact > 1 else 0.0
         association = _association(v, ~closed[contact], v_u, level, p_nc.estimate, n)
@@ -294,8 +293,8 @@ def _closing(response: Response, level: float, confidence: float) -> tuple[float
     ordered = np.sort(settling if status is None else np.where(np.asarray(status) != 0, math.inf, settling))
     if np.isnan(ordered).any():
         return math.nan, intervals.NO_INTERVAL
-    lower, upper = intervals.quantile_interval(ordered, level, confidence)
-    return float(ordered[intervals.quantile_rank(ordered.size, level) - 1]), (max(lower, 0.0), upper)
+    value, (lower, upper) = intervals.quantile_estimate(ordered, level, confidence)
+    return value, (max(lower, 0.0), upper)
 
 
 def _exceedance(v: FloatArray, limit_cm_s: float, confidence: float) -> Exceedance:
