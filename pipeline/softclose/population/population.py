@@ -123,7 +123,7 @@ class Population:
             Columns D, G [µm], K [N/m], M [µg].
         """
         p = np.asarray(parameters, dtype=np.float64)
-        if self._is_plate:
+        if self._plate is not None:
             return switches_from_parameters(p)
         if p.ndim != 2 or p.shape[1] != 4:
             raise PopulationError(
@@ -255,9 +255,9 @@ class Population:
         return float(np.mean(of_pair(p[:, 1], p[:, 2], p[:, 3])))
 
     @property
-    def _is_plate(self) -> bool:
-        """Whether Eqs. 4-6 hold."""
-        return self.E is not None and self.formula is None
+    def _plate(self) -> tuple[Marginal, Marginal] | None:
+        """E and T where Eqs. 4-6 hold."""
+        return (self.E, self.T) if self.E is not None and self.T is not None and self.formula is None else None
 
     @property
     def _correlated(self) -> float:
@@ -267,16 +267,16 @@ class Population:
     @property
     def mean_K(self) -> float:
         """E[K] [N/m]: Eq. 4 is linear in E, which is independent of T unless a correlation says otherwise."""
-        if self._is_plate and self.E is not None and self.T is not None and not self._correlated:
-            e = self.E.mean
-            return portable(self.T.expect(lambda t: stiffness(e, t)))
+        if self._plate is not None and not self._correlated:
+            e, t = self._plate
+            return portable(t.expect(lambda x: stiffness(e.mean, x)))
         return self.K.mean if self.K is not None else portable(self._expect(lambda km: km[..., 0]))
 
     @property
     def mean_M(self) -> float:
         """E[M] [µg]."""
-        if self._is_plate and self.T is not None:
-            return portable(self.T.expect(mass))
+        if self._plate is not None:
+            return portable(self._plate[1].expect(mass))
         return self.M.mean if self.M is not None else portable(self._expect(lambda km: km[..., 1]))
 
     @property
@@ -311,8 +311,8 @@ class Population:
         else:
             corners = np.array([[d.lower, g.lower, ks.min(), 1.0], [d.upper, g.upper, ks.max(), 1.0]])
             u_pi = pull_in_voltage(corners, plate_area_um2)
-        if self._is_plate and self.E is not None and self.T is not None and not self._correlated:
-            e, t = self.E, self.T
+        if self._plate is not None and not self._correlated:
+            e, t = self._plate
             k_square = (e.sd**2 + e.mean**2) * t.expect(lambda x: stiffness(1.0, x) ** 2)
             m_square = t.expect(lambda x: mass(x) ** 2)
         else:
