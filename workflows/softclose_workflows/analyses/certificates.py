@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.metrics.objective import Judged
-from softclose.waveform import Waveform
 from softclose_store import GroupArray, group_attributes, list_groups, open_campaign, read_group, write_group
 from softclose_workflows.analyses.certification import (
     Certification,
@@ -75,10 +74,7 @@ def read_certificate(path: str, name: str) -> Certification:
     config = CampaignConfig.from_dict(campaign.config)
     a = group.arrays
     names = [str(name) for name in a["name"]]
-    waveforms = {
-        name: Waveform.from_rows(rows[~np.isnan(rows).all(axis=1)])
-        for name, rows in zip(names, a["waveform"], strict=True)
-    }
+    waveforms = {name: records.unpadded(rows) for name, rows in zip(names, a["waveform"], strict=True)}
     responses = {
         name: Judged(
             max_contact_speed=a["max_contact_speed"][i],
@@ -114,10 +110,6 @@ def request_of(attributes: Mapping[str, Any]) -> Request:
 def write_certificate(path: str, result: Certification) -> None:
     """Store the per-switch results, from which everything else follows, and the figures beside them for any reader."""
     designs = [*result.candidates, *result.references]
-    n_pulses = max(len(d.waveform.pulses) for d in designs)
-    rows = np.full((len(designs), n_pulses, 4), math.nan)
-    for row, d in zip(rows, designs, strict=True):
-        row[: len(d.waveform.pulses)] = d.waveform.rows()
 
     def per_switch(values: list[NDArray[Any]], unit: str, meaning: str) -> GroupArray:
         return GroupArray(dims=("design", "fresh_switch"), values=np.stack(values), unit=unit, long_name=meaning)
@@ -131,7 +123,7 @@ def write_certificate(path: str, result: Certification) -> None:
         ),
         "waveform": GroupArray(
             dims=("design", "pulse", "parameter"),
-            values=rows,
+            values=records.padded_rows([d.waveform for d in designs]),
             unit="µs or V",
             long_name="start, rise, peak, volts; a peak of inf holds, rows of NaN are absent",
         ),

@@ -69,7 +69,8 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
                 Driver(store, executor, stop=stop, listener=listener).run()
         else:
             _check_whole(path)
-        design_at_the_end(path, threads=n_cores())
+        if whole.opening.is_designed:
+            design_at_the_end(path, threads=n_cores())
 
 
 @contextlib.contextmanager

@@ -6,7 +6,6 @@ designed after the search, for a candidate that the search has found (ADR 082).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,7 +15,16 @@ from numpy.typing import NDArray
 
 from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS
-from softclose.opening import Opening, OpeningError, Openings, Released, assess_opening, design_brake, let_go, opened
+from softclose.opening import (
+    Opening,
+    OpeningError,
+    Openings,
+    Released,
+    assess_opening,
+    design_brake,
+    judge_opening,
+    opened,
+)
 from softclose.waveform import Waveform
 from softclose_store import (
     Campaign,
@@ -27,6 +35,7 @@ from softclose_store import (
     read_group,
     write_group,
 )
+from softclose_workflows.run.records import padded_rows, unpadded
 
 GROUP = "opening"
 """Group of the store that holds the designed openings, one a candidate."""
@@ -61,7 +70,7 @@ def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings
     config = CampaignConfig.from_dict(campaign.config)
     if not config.opening.is_designed:
         return None
-    stored = read_opening(path, candidate)
+    stored = _stored(path, config, candidate)
     if stored is not None:
         return stored
     found = _design(campaign, config, candidate, threads)
@@ -77,33 +86,32 @@ def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings
 
 def read_opening(path: str, candidate: int) -> Openings | None:
     """The stored opening of a candidate; None where there is none, or it is damaged: it is designed again then."""
+    return _stored(path, CampaignConfig.from_dict(open_campaign(path).config), candidate)
+
+
+def _stored(path: str, config: CampaignConfig, candidate: int) -> Openings | None:
     try:
-        group = read_group(path, name_of(candidate))
+        return openings_of(config, read_group(path, name_of(candidate)).arrays)
     except (StoreMissingError, DamageError):
         return None
-    return openings_of(CampaignConfig.from_dict(open_campaign(path).config), group.arrays)
 
 
 def _design(campaign: Campaign, config: CampaignConfig, candidate: int, threads: int) -> Openings:
     settings, switches = config.opening, campaign.lot()[: config.opening.n_switches, :N_PARAMETERS]
     at = settings.release_us
     drive = opened(Waveform.from_rows(campaign.waveform(candidate)), at)
-    plain = assess_opening(config, let_go(config, switches, drive, at_us=at, threads=threads))
+    plain = judge_opening(config, switches, drive, at_us=at, threads=threads)
     if not settings.brake:
         return Openings(at_us=at, plain=plain, braked=None)
     braked = design_brake(
         config, switches, drive, at_us=at, budget=settings.brake, seed=config.campaign.seed, threads=threads
     )
-    released = let_go(config, switches, braked, at_us=at, threads=threads)
-    return Openings(at_us=at, plain=plain, braked=assess_opening(config, released))
+    return Openings(at_us=at, plain=plain, braked=judge_opening(config, switches, braked, at_us=at, threads=threads))
 
 
 def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
     """What is stored of openings: the drives, and what each switch did; switch: what its dimension is called."""
     released = [o.released for o in (found.plain, found.braked) if o is not None]
-    rows = np.full((len(released), max(len(r.waveform.pulses) for r in released), 4), math.nan)
-    for row, r in zip(rows, released, strict=True):
-        row[: len(r.waveform.pulses)] = r.waveform.rows()
 
     def of(name: str, dims: tuple[str, ...], unit: str, meaning: str) -> GroupArray:
         values = np.stack([getattr(r, name) for r in released])
@@ -112,7 +120,7 @@ def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
     return {
         "release_waveform": GroupArray(
             dims=("release", "release_pulse", "parameter"),
-            values=rows,
+            values=padded_rows([r.waveform for r in released]),
             unit="µs or V",
             long_name="start, rise, peak, volts of the whole drive, without and with a brake; rows of NaN are absent",
         ),
@@ -131,7 +139,7 @@ def openings_of(config: CampaignConfig, arrays: Mapping[str, NDArray[Any]]) -> O
     found: list[Opening] = []
     for place, rows in enumerate(arrays["release_waveform"]):
         released = Released(
-            waveform=Waveform.from_rows(rows[~np.isnan(rows).all(axis=1)]),
+            waveform=unpadded(rows),
             times_us=arrays["release_time"],
             quantiles=arrays["release_quantiles"][place],
             **{name: arrays[f"release_{name}"][place] for name in _PER_SWITCH},
@@ -141,7 +149,7 @@ def openings_of(config: CampaignConfig, arrays: Mapping[str, NDArray[Any]]) -> O
 
 
 def design_at_the_end(path: str, *, threads: int) -> None:
-    """What a finished campaign still has to do: the opening of its best candidate, where it designs one."""
+    """What a finished campaign that designs an opening still has to do: that of its best candidate."""
     best = open_campaign(path).best()
     if best is None:
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,19 @@ from numpy.typing import NDArray
 from softclose.metrics.objective import Assessment
 from softclose.propose.protocol import Observation, Proposal
 from softclose.waveform import Waveform
+
+
+def padded_rows(waveforms: Sequence[Waveform]) -> NDArray[np.float64]:
+    """(n, n_pulses, 4) start, rise, peak, volts; rows of NaN behind the last pulse of a shorter one."""
+    rows = np.full((len(waveforms), max(len(w.pulses) for w in waveforms), 4), math.nan)
+    for row, waveform in zip(rows, waveforms, strict=True):
+        row[: len(waveform.pulses)] = waveform.rows()
+    return rows
+
+
+def unpadded(rows: NDArray[np.float64]) -> Waveform:
+    """The waveform of one row of `padded_rows`."""
+    return Waveform.from_rows(rows[~np.isnan(rows).all(axis=1)])
 
 
 def proposal_record(proposal: Proposal) -> dict[str, Any]:
