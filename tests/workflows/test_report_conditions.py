@@ -21,6 +21,7 @@ from softclose_workflows.report.conditions import N_TEMPERATURES
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
+from softclose_workflows.run.records import observations
 
 TEMPERATURE = (
     "temperature.low_C=-40",
@@ -89,7 +90,7 @@ def test_the_best_candidate_is_shown_with_and_without(kind: str, settings: tuple
 def test_only_candidates_of_the_largest_ensemble_are_on_the_front(tmp_path: Path) -> None:
     campaign = open_campaign(make_campaign(tmp_path / "a.zarr", *COMPLETE))
     records = dict(campaign.records())
-    found = front_of(records, CampaignConfig.from_dict(campaign.config))
+    found = front_of(observations(records), CampaignConfig.from_dict(campaign.config))
     assert found is not None
     assert found.n_switches == 100
     assert {*records["n_switches"]} == {40, 100}
@@ -102,7 +103,7 @@ def test_only_candidates_of_the_largest_ensemble_are_on_the_front(tmp_path: Path
 def test_the_front_is_that_of_the_campaign_s_own_objectives(objectives: list[str], tmp_path: Path) -> None:
     data, page = _report(tmp_path / "a.zarr", "campaign.budget=32", f"optimiser.objectives={json.dumps(objectives)}")
     campaign = open_campaign(str(tmp_path / "a.zarr"))
-    found = front_of(dict(campaign.records()), CampaignConfig.from_dict(campaign.config))
+    found = front_of(observations(campaign.records()), CampaignConfig.from_dict(campaign.config))
     assert found is not None
     assert data.front is not None
     assert found.candidates == data.front.candidates

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from softclose.config import CampaignConfig, FrontObjective
 from softclose.metrics.pareto import hypervolume, pareto_front
 from softclose.propose.objectives import UNITS, front_values, worst_values
+from softclose.propose.protocol import Observation
 from softclose.waveform import FloatArray
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import CertifyError
@@ -44,21 +45,23 @@ class Front:
 
 
 def front_of(
-    records: dict[str, NDArray[Any]], config: CampaignConfig, objectives: Sequence[FrontObjective] = ()
+    history: Sequence[Observation], config: CampaignConfig, objectives: Sequence[FrontObjective] = ()
 ) -> Front | None:
-    """The front of a campaign's records; objectives: those of its own optimiser by default; None: nothing usable."""
+    """The front of a campaign's candidates; objectives: those of its own optimiser by default; None: nothing usable."""
     chosen = tuple(objectives) or config.optimiser.objectives
-    values = front_values(config, observations(records), chosen)
-    sizes = records["n_switches"][np.isfinite(values).all(axis=1)]
-    if not sizes.size:
+    values = front_values(config, history, chosen)
+    sizes = np.array([o.n_switches for o in history], dtype=np.int64)
+    usable = np.isfinite(values).all(axis=1)
+    if not usable.any():
         return None
-    values[records["n_switches"] != sizes.max()] = math.nan
+    most = int(sizes[usable].max())
+    values[sizes != most] = math.nan
     worst = worst_values(config, chosen)
     n = len(values)
     steps = sorted({math.ceil(n * k / _STEPS) for k in range(1, _STEPS + 1)})
     return Front(
         objectives=chosen,
-        n_switches=int(sizes.max()),
+        n_switches=most,
         values=values,
         worst=worst,
         candidates=tuple(int(i) for i in pareto_front(values)),
@@ -130,7 +133,7 @@ def front_to_json(path: str, objectives: Sequence[FrontObjective]) -> dict[str, 
 def _read(path: str, objectives: Sequence[FrontObjective]) -> tuple[Any, Front, dict[str, NDArray[Any]]]:
     campaign = open_campaign(path)
     records = dict(campaign.records())
-    front = front_of(records, CampaignConfig.from_dict(campaign.config), objectives)
+    front = front_of(observations(records), CampaignConfig.from_dict(campaign.config), objectives)
     if front is None:
         raise CertifyError(f"{path} has no usable candidate yet: let the campaign run first")
     return campaign, front, records

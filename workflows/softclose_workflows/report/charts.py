@@ -221,6 +221,20 @@ def densities(designs: Sequence[Design], colours: Sequence[str], top_cm_s: float
     }
 
 
+def band(x: FloatArray, low: FloatArray, high: FloatArray, role: str, digits: int = 3) -> Chart:
+    """What lies between two curves, shaded in the colour of a role."""
+    return {
+        "x": numbers(np.concatenate([x, x[::-1]])),
+        "y": numbers(np.concatenate([high, low[::-1]]), digits),
+        "mode": "lines",
+        "line": {"width": 0},
+        "fill": "toself",
+        "fillcolor": f"@{role}/0.18",
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
+
+
 def exceedance(designs: Sequence[Design], limits_cm_s: Sequence[float], top_cm_s: float) -> Chart:
     """P(V > v) of several designs down to what their switches can tell, the first with its interval."""
     traces: list[Chart] = []
@@ -228,21 +242,8 @@ def exceedance(designs: Sequence[Design], limits_cm_s: Sequence[float], top_cm_s
         found = shapes.exceedance(design.speed_cm_s, top_cm_s, design.assessment.confidence)
         shown = found.probability > 0.0
         if place == 0 and design.assessment.intervals_valid:
-            x = np.concatenate([found.v_cm_s, found.v_cm_s[::-1]])
             floor = 0.1 / max(design.assessment.n_contact, 1)  # a logarithmic axis has no 0
-            y = np.concatenate([found.upper, np.maximum(found.lower, floor)[::-1]])
-            traces.append(
-                {
-                    "x": numbers(x),
-                    "y": numbers(y, 3),
-                    "mode": "lines",
-                    "line": {"width": 0},
-                    "fill": "toself",
-                    "fillcolor": f"@{design.role}/0.18",
-                    "hoverinfo": "skip",
-                    "showlegend": False,
-                }
-            )
+            traces.append(band(found.v_cm_s, np.maximum(found.lower, floor), found.upper, design.role))
         traces.append(
             {
                 "name": plain(design.name),

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from softclose.opening import Openings
-from softclose_workflows.report.charts import DASHES, Chart, axis, layout, numbers, plain
+from softclose_workflows.report.charts import DASHES, Chart, axis, band, layout, numbers, plain
 from softclose_workflows.report.data import OverTemperature
 from softclose_workflows.tell import labels
 
@@ -18,18 +18,7 @@ def temperature_speeds(found: OverTemperature) -> Chart:
     for place, (name, role, at_each) in enumerate(zip(found.names, found.roles, found.found, strict=True)):
         ends = np.array([a.v_u_interval for a in at_each])
         if place == 0 and at_each[0].intervals_valid:
-            traces.append(
-                {
-                    "x": numbers(np.concatenate([found.celsius, found.celsius[::-1]])),
-                    "y": numbers(np.concatenate([ends[:, 0], ends[::-1, 1]])),
-                    "mode": "lines",
-                    "line": {"width": 0},
-                    "fill": "toself",
-                    "fillcolor": f"@{role}/0.18",
-                    "hoverinfo": "skip",
-                    "showlegend": False,
-                }
-            )
+            traces.append(band(found.celsius, ends[:, 0], ends[:, 1], role, digits=4))
         traces.append(_line(found, name, role, place, [a.v_u_cm_s for a in at_each], "%{y:.1f} cm/s"))
     best = [a.v_u_cm_s for a in found.found[0]]
     return {
@@ -81,16 +70,7 @@ def opening(found: Openings) -> Chart:
         step = max(1, math.ceil(r.times_us.size / 400))
         t, (low, middle, high) = r.times_us[::step], r.quantiles[:, ::step]
         traces += [
-            {
-                "x": numbers(np.concatenate([t, t[::-1]])),
-                "y": numbers(np.concatenate([low, high[::-1]]), 3),
-                "mode": "lines",
-                "line": {"width": 0},
-                "fill": "toself",
-                "fillcolor": f"@{role}/0.18",
-                "hoverinfo": "skip",
-                "showlegend": False,
-            },
+            band(t, low, high, role),
             {
                 "name": name,
                 "x": numbers(t),

@@ -49,7 +49,7 @@ def over_temperature(config: CampaignConfig, designs: Sequence[Design]) -> OverT
 def plainer(config: CampaignConfig, best: Design, switches: FloatArray) -> Plainer | None:
     """The best candidate beside the same switches without their further modes, or else without their losses.
 
-    None where they have neither. switches: (n, 4) or (n, 6) of the training ensemble.
+    None where they have neither. switches: the training ensemble, of which the candidate used the first.
     """
     modes = config.build_reduced_order() if config.model.name == REDUCED_ORDER else None
     kind: Literal["modes", "losses"]

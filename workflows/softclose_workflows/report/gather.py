@@ -28,7 +28,6 @@ from softclose_workflows.report.data import (
     BEST,
     Candidates,
     Design,
-    Plainer,
     ReportData,
     Traces,
     TrimShown,
@@ -65,6 +64,7 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
     records = campaign.records()
+    history = observations(records)
     candidates = _candidates(records, config)
     best, certification = campaign.best(), read_certification(path)
     index = None if best is None else best.candidate
@@ -91,13 +91,13 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         missing_references=missing,
         trim=_trim(campaign, config, designs[0]) if index is not None else None,
         temperature=over_temperature(config, designs),
-        plainer=None if index is None else _plainer(campaign, config, designs[0]),
+        plainer=None if index is None else plainer(config, designs[0], campaign.lot()),
         openings=_openings(path, index, certification),
-        front=front_of(dict(records), config),
+        front=front_of(history, config),
         edges_cm_s=edges,
         shares=shares,
         samples=samples if picks else {},
-        dependence=_dependence(config, observations(records)) if learned else None,
+        dependence=_dependence(config, history) if learned else None,
         certification=certification,
     )
 
@@ -240,13 +240,6 @@ def _trim(campaign: Campaign, config: CampaignConfig, best: Design) -> TrimShown
             assessment=judge(config, plain),
         ),
     )
-
-
-def _plainer(campaign: Campaign, config: CampaignConfig, best: Design) -> Plainer | None:
-    try:
-        return plainer(config, best, campaign.lot()[: len(best.speed_cm_s)])
-    except ModelError:
-        return None
 
 
 def _openings(path: str, best: int | None, certification: Certification | None) -> Openings | None:
