@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
+import keyword
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softclose.population.distributions import PopulationError
+from softclose.population.expression import FUNCTIONS, Expression, ExpressionError, parsed
 from softclose.population.laws import Law
 from softclose.tables import finite_number
 
 FloatArray = NDArray[np.float64]
 
 _INPUTS = ("G", "E", "T")
-_NAME = re.compile(r"[A-Za-z]\w*")
-_MOST_CHARACTERS = 1000
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_TAKEN = frozenset({*_INPUTS, "D", "K", "M", "pi", *FUNCTIONS, *keyword.kwlist})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formula:
     """Stiffness and mass of a switch in the place of Eqs. 4 and 6.
 
-    Expressions as numexpr has them: + - * / ** and brackets, sqrt, exp, log, where and the like, of G [µm], E [GPa],
-    T [µm], pi and the constants. numexpr refuses all else, so that a file of a stranger's computes and does nothing.
+    Expressions (`softclose.population.expression`) of G [µm], E [GPa], T [µm], pi and the constants: + - * / ** and
+    brackets, sqrt, exp, log, where and the like, and nothing else.
     """
 
     K: str
@@ -40,15 +41,15 @@ class Formula:
 
     def __post_init__(self) -> None:
         for name, value in self.constants:
-            if not _NAME.fullmatch(name) or name in (*_INPUTS, "D", "K", "M", "pi"):
+            if not _NAME.fullmatch(name) or name in _TAKEN:
                 raise PopulationError(
-                    f"[law] cannot have a constant called {name!r}; a name is made of letters, digits and _, and D, G, "
-                    "E, T, K, M and pi are taken"
+                    f"[law] cannot have a constant called {name!r}; a name is made of letters A to z, digits and _, "
+                    "and D, G, E, T, K, M, pi, the functions and Python's own words are taken"
                 )
             finite_number(f"[law] {name}", value, PopulationError)
         known = {*_INPUTS, "pi", *(name for name, _ in self.constants)}
         for which, text in (("K", self.K), ("M", self.M)):
-            unknown = sorted(_names(which, text) - known)
+            unknown = sorted(_parsed(which, text).names - known)
             if unknown:
                 raise PopulationError(
                     f"[law] {which} = {text!r} names {', '.join(unknown)}; a formula may use {', '.join(sorted(known))}"
@@ -60,20 +61,14 @@ class Formula:
         return Law(
             variables=("E", "T"),
             switch=lambda g, e, t, area: (self._of("K", self.K, g, e, t), self._of("M", self.M, g, e, t)),
-            rests_on_gap="G" in _names("K", self.K) | _names("M", self.M),
+            rests_on_gap="G" in _parsed("K", self.K).names | _parsed("M", self.M).names,
         )
 
     def _of(self, which: str, text: str, g: FloatArray, e: FloatArray, t: FloatArray) -> FloatArray:
-        import numexpr
-
         g, e, t = np.broadcast_arrays(g, e, t)
         values: dict[str, Any] = {"G": g, "E": e, "T": t, "pi": math.pi, **dict(self.constants)}
-        used = {name: np.asarray(values[name], dtype=np.float64) for name in _names(which, text)}
-        try:
-            found = numexpr.evaluate(text, local_dict=used, global_dict={}, sanitize=True)
-        except Exception as x:  # numexpr lets through whatever a formula stumbles over
-            raise PopulationError(f"[law] {which} = {text!r} cannot be computed: {x}") from x
-        found = np.broadcast_to(np.asarray(found, dtype=np.float64), g.shape)
+        found = _parsed(which, text)(values)
+        found = np.broadcast_to(found, g.shape)
         good = np.isfinite(found) & (found > 0.0)
         if not good.all():
             i = int(np.argmin(good.ravel()))
@@ -100,14 +95,10 @@ class Formula:
         return cls(K=table["K"], M=table["M"], constants=constants)
 
 
-@lru_cache(maxsize=64)
-def _names(which: str, text: str) -> frozenset[str]:
-    """Names that a formula uses. Raises PopulationError where it is none."""
-    from numexpr.necompiler import getExprNames
-
-    if len(text) > _MOST_CHARACTERS:
-        raise PopulationError(f"[law] {which} has {len(text)} characters; at most {_MOST_CHARACTERS}")
+def _parsed(which: str, text: str) -> Expression:
+    """Raises PopulationError where the text is no formula."""
     try:
-        return frozenset(getExprNames(text, {}, sanitize=True)[0])
-    except Exception as x:  # a syntax error, or whatever numexpr refuses
-        raise PopulationError(f"[law] {which} = {text!r} is no formula: {x}") from x
+        return parsed(text)
+    except ExpressionError as e:
+        shown = repr(text) if len(text) <= 200 else f"{text[:200]!r}…"
+        raise PopulationError(f"[law] {which} = {shown} is no formula: {e}") from e
