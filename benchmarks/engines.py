@@ -9,8 +9,8 @@ import argparse
 
 import numpy as np
 
-from softclose.config import load_config
 from softclose.propose.side_by_side import compare_engines
+from softclose.settings import load_config
 
 
 def main() -> None:

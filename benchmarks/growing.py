@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from softclose.config import load_config
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
+from softclose.settings import load_config
 from softclose_workflows import api
 
 

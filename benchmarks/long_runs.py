@@ -12,7 +12,7 @@ from pathlib import Path
 
 import psutil
 
-from softclose.config import CampaignConfig, load_config
+from softclose.settings import CampaignConfig, load_config
 from softclose_store import DriverStore
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store

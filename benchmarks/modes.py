@@ -20,7 +20,7 @@ import numpy as np
 
 from softclose import Losses, Pulse, ReducedOrder, Responses, Waveform, assess, load_population, simulate
 from softclose.kernel.dispatch import ONE_MODE
-from softclose.reduced_order import read_reduced_order
+from softclose.switch.reduced_order import read_reduced_order
 
 HELD = Waveform([Pulse(0, 4.4, 7.25, 111.6), Pulse(56.5, 19, math.inf, 75)])
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numcodecs import Blosc, Delta, blosc
 
-from softclose.ensemble import Responses, simulate
+from softclose.device.simulate import Responses, simulate
 from softclose.population import load_population
 from softclose.waveform import Waveform
 from softclose_store import DriverStore, Layout, StageLayout, create_campaign, proposals_digest, write_block

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from softclose import Waveform
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose.uncertainty.tails import METHODS, tail
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results" / "table.json"

@@ -12,7 +12,7 @@ import numpy as np
 
 from softclose import Waveform, assess, simulate
 from softclose.baselines import unshaped
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
 
 INK, STEP, SOFT, CONTACT = "#222222", "#b5651d", "#1f6f8b", "#888888"

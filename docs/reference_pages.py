@@ -16,15 +16,13 @@ import typing
 from pathlib import Path
 from typing import Any
 
-from softclose.moved import MOVED
-
 GENERATED = "<!-- Generated from the code by docs/reference_pages.py; changes here are lost. -->\n\n"
 
 
 def write_reference(folder: Path) -> None:
     """Write the generated pages; leaves files alone that are the same already."""
     folder.mkdir(exist_ok=True)
-    pages = {"configuration": configuration_page, "schema": schema_page, "moved": moved_page}
+    pages = {"configuration": configuration_page, "schema": schema_page}
     for name, page in pages.items():
         text, target = GENERATED + page(), folder / f"{name}.md"
         if not target.exists() or target.read_text(encoding="utf-8") != text:
@@ -65,7 +63,7 @@ def field_docs(cls: type) -> dict[str, str]:
 
 def configuration_page() -> str:
     """Every key of a campaign's TOML file: type, default, meaning."""
-    from softclose import config
+    from softclose import settings
 
     lines = [
         "# Configuration",
@@ -75,8 +73,8 @@ def configuration_page() -> str:
         "identity.",
         "",
     ]
-    known = config.known_keys()
-    hints = typing.get_type_hints(config.CampaignConfig)
+    known = settings.known_keys()
+    hints = typing.get_type_hints(settings.CampaignConfig)
     for section in known:
         cls = hints[section]
         source = _annotations(cls)
@@ -186,17 +184,3 @@ def schema_page() -> str:
 
 def _per_limit(field: Any) -> str:
     return f"{field.long_name}; one for each limit" if field.per_limit else str(field.long_name)
-
-
-def moved_page() -> str:
-    """Where the addresses of modules that documents of version 0.1 name lead."""
-    lines = [
-        "# Addresses of version 0.1",
-        "",
-        "Modules that documents had named, and where they are now. The old address still imports the very same module.",
-        "",
-        "| old | now |",
-        "| --- | --- |",
-        *(f"| `{old}` | `{now}` |" for old, now in sorted(MOVED.items())),
-    ]
-    return "\n".join(lines) + "\n"

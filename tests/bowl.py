@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from softclose.config import load_config
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem
+from softclose.settings import load_config
 
 SPACE_OF = {"paper": "two-pulse-paper"}
 

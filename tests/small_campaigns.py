@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose_store import DriverStore
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.errors import Stopped

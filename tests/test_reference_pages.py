@@ -20,8 +20,7 @@ from hypothesis import strategies as st
 import softclose
 import softclose_store
 import softclose_workflows.api
-from softclose import config
-from softclose.moved import MOVED
+from softclose import settings
 from softclose_store.schema import fields, hierarchy
 
 INTERFACE = Path(reference_pages.__file__).parent / "reference" / "api.md"
@@ -30,7 +29,7 @@ INTERFACE = Path(reference_pages.__file__).parent / "reference" / "api.md"
 def test_every_configuration_key_has_a_meaning() -> None:
     page = reference_pages.configuration_page()
     rows = {line.split("`")[1]: line.split(" | ") for line in page.splitlines() if line.startswith("| `")}
-    expected = {f"{section}.{key}" for section, keys in config.known_keys().items() for key in keys}
+    expected = {f"{section}.{key}" for section, keys in settings.known_keys().items() for key in keys}
     assert set(rows) == expected
     assert [key for key, row in rows.items() if len(row[-1].strip(" |")) < 5] == []
 
@@ -76,11 +75,6 @@ def test_numpydoc_sections_name_the_parameters_there_are(name: str, function: An
     section = re.split(r"\n\n\w+\n-+\n", section)[0]
     described = [re.split(r" : |: ", line)[0] for line in section.splitlines() if line and line[0] != " "]
     assert [p.lstrip("*") for line in described for p in line.split(", ")] == parameters
-
-
-def test_every_address_of_version_0_1_is_on_the_page() -> None:
-    page = reference_pages.moved_page()
-    assert [old for old, now in MOVED.items() if f"| `{old}` | `{now}` |" not in page] == []
 
 
 @given(st.text(alphabet="ab *_[]<>|`\n{}$#\\"))

@@ -83,11 +83,11 @@ def test_a_wrong_type_gets_an_error_of_our_own(call):
     ("call", "error", "said"),
     [
         (lambda: softclose.load_population(3), PopulationError, r"3 is no population; give the path .* current"),
-        (lambda: softclose.load_config(3), softclose.config.ConfigError, r"3 is no preset or file; give .* current"),
+        (lambda: softclose.load_config(3), softclose.settings.ConfigError, r"3 is no preset or file; give .* current"),
         (lambda: softclose.assess(None), ObjectiveError, "None is no response; give what simulate returns"),
         (lambda: softclose_store.verify(3), softclose_store.StoreError, "3 is no store; give the path of a directory"),
         (lambda: api.calibrate(3), MeasurementError, "3 is no file of measurements; give the path of a CSV"),
-        (lambda: CONFIG.extended(9.5), softclose.config.ConfigError, "9.5 is no number of candidates; give a whole"),
+        (lambda: CONFIG.extended(9.5), softclose.settings.ConfigError, "9.5 is no number of candidates; give a whole"),
     ],
 )
 def test_it_says_what_was_got_and_what_to_give(call, error, said):

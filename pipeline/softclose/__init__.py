@@ -8,8 +8,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from softclose.moved import keep_old_addresses
-
 __version__ = "0.1.0"
 
 ALGORITHM = "2"
@@ -17,14 +15,11 @@ ALGORITHM = "2"
 campaign's identity."""
 
 if TYPE_CHECKING:
-    from softclose.config import CampaignConfig as CampaignConfig
-    from softclose.config import load_config as load_config
-    from softclose.device import CannotSimulate as CannotSimulate
-    from softclose.device import DeviceModel as DeviceModel
-    from softclose.ensemble import Responses as Responses
-    from softclose.ensemble import Status as Status
-    from softclose.ensemble import simulate as simulate
-    from softclose.losses import Losses as Losses
+    from softclose.device.protocol import CannotSimulate as CannotSimulate
+    from softclose.device.protocol import DeviceModel as DeviceModel
+    from softclose.device.simulate import Responses as Responses
+    from softclose.device.simulate import Status as Status
+    from softclose.device.simulate import simulate as simulate
     from softclose.metrics.objective import Assessment as Assessment
     from softclose.metrics.objective import assess as assess
     from softclose.plugins import EngineError as EngineError
@@ -37,36 +32,39 @@ if TYPE_CHECKING:
     from softclose.propose.protocol import Proposal as Proposal
     from softclose.propose.protocol import Wave as Wave
     from softclose.propose.protocol import WaveEngine as WaveEngine
-    from softclose.reduced_order import ReducedOrder as ReducedOrder
-    from softclose.reduced_order import read_reduced_order as read_reduced_order
+    from softclose.settings import CampaignConfig as CampaignConfig
+    from softclose.settings import load_config as load_config
+    from softclose.switch.losses import Losses as Losses
+    from softclose.switch.reduced_order import ReducedOrder as ReducedOrder
+    from softclose.switch.reduced_order import read_reduced_order as read_reduced_order
     from softclose.waveform import Pulse as Pulse
     from softclose.waveform import Waveform as Waveform
 
 _HOME = {
     "Assessment": "metrics.objective",
-    "CampaignConfig": "config",
-    "CannotSimulate": "device",
+    "CampaignConfig": "settings",
+    "CannotSimulate": "device.protocol",
     "Wave": "propose.protocol",
     "WaveEngine": "propose.protocol",
-    "DeviceModel": "device",
+    "DeviceModel": "device.protocol",
     "Engine": "propose.protocol",
     "EngineError": "plugins",
     "ModelError": "plugins",
-    "Losses": "losses",
+    "Losses": "switch.losses",
     "Observation": "propose.protocol",
     "Population": "population",
     "Problem": "propose.protocol",
     "Proposal": "propose.protocol",
     "Pulse": "waveform",
-    "ReducedOrder": "reduced_order",
-    "Responses": "ensemble",
-    "Status": "ensemble",
+    "ReducedOrder": "switch.reduced_order",
+    "Responses": "device.simulate",
+    "Status": "device.simulate",
     "Waveform": "waveform",
     "assess": "metrics.objective",
-    "load_config": "config",
+    "load_config": "settings",
     "load_population": "population",
-    "read_reduced_order": "reduced_order",
-    "simulate": "ensemble",
+    "read_reduced_order": "switch.reduced_order",
+    "simulate": "device.simulate",
 }
 
 __all__ = [  # noqa: RUF022 - the order a reader meets them in
@@ -107,6 +105,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
-
-
-keep_old_addresses()

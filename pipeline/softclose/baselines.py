@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.ensemble import simulate
-from softclose.plate import holding_voltage
+from softclose.device.simulate import simulate
 from softclose.population import Population
+from softclose.switch.plate import holding_voltage
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
 FloatArray = NDArray[np.float64]

@@ -14,22 +14,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softclose.amplifier import deliver, scattered
-from softclose.device import load_model
-from softclose.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of, step
+from softclose.conditions.amplifier import deliver, scattered
+from softclose.conditions.learning import STEP_VOLTS, Learned, Touch, actuate, protocol_of, step
+from softclose.conditions.temperature import heated, spread, worse
+from softclose.conditions.trim import limited
+from softclose.device.protocol import load_model
+from softclose.device.scaled import Scales, Simulate, by_equal_switches, drive_by_drive
 from softclose.metrics.objective import Assessment, Response, assess
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Sampling
-from softclose.temperature import heated, spread, worse
-from softclose.trimmed import Simulate, by_equal_switches, drive_by_drive, drive_scales
 from softclose.waveform import Drive, FloatArray, Trace, Waveform, WaveformError
 
 N_PARAMETERS = 4
 """D, G, K and M of a switch; the columns behind them are the scales of its drive."""
 
 if TYPE_CHECKING:
-    from softclose.config import CampaignConfig
-    from softclose.ensemble import Responses
+    from softclose.device.simulate import Responses
+    from softclose.settings import CampaignConfig
 
 
 def draw(
@@ -88,7 +89,7 @@ def learn(config: CampaignConfig) -> Learned:
 
 @lru_cache(maxsize=4)
 def _learned(text: str) -> Learned:
-    from softclose.config import CampaignConfig
+    from softclose.settings import CampaignConfig
 
     config = CampaignConfig.from_dict(json.loads(text))
     trim, settings = config.build_trim(), config.trim
@@ -173,6 +174,27 @@ def _responses(
         return by_equal_switches(simulate, plain, waveform, scales)
     anything = partial(simulate, max_volts=math.inf)
     return drive_by_drive(anything, plain, waveform, scales, horizon_us=model.horizon_us, times_us=times_us)
+
+
+def drive_scales(config: CampaignConfig, lot: FloatArray, waveform: Drive) -> Scales:
+    """The scales of each switch's drive under one waveform; lot: (n, 6)."""
+    return limited_scales(config, Scales(voltage=lot[:, 4], time=lot[:, 5]), waveform)
+
+
+def limited_scales(config: CampaignConfig, asked: Scales, waveform: Drive) -> Scales:
+    """What of the scales asked for is given under one waveform: all, unless trim keeps its drive's limits.
+
+    An amplifier's errors know no limits.
+    """
+    if not config.trim.keep_limits or config.trim.measured == "nothing" or isinstance(waveform, Trace):
+        return asked
+    return limited(
+        asked,
+        peak_V=waveform.max_voltage(config.model.horizon_us),
+        max_volts=config.waveform.max_volts,
+        shortest_rise_us=min(p.rise_us for p in waveform.pulses),
+        min_rise_us=config.waveform.min_rise_us,
+    )
 
 
 def judge(config: CampaignConfig, response: Response, *, fresh: bool = False) -> Assessment:

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, respond
 from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_estimate
-from softclose.plate import holding_voltage
 from softclose.propose.descents import strategy
+from softclose.settings import CampaignConfig
+from softclose.switch.plate import holding_voltage
 from softclose.waveform import FloatArray, Pulse, Waveform
 
 BAND = 0.05

@@ -97,10 +97,10 @@ MODELS = Plugin(
     group="softclose.models",
     key="model.name",
     shipped={
-        SINGLE_MODE: "softclose.ensemble:simulate",
-        REDUCED_ORDER: "softclose.ensemble:simulate",
-        MEASURED: "softclose.device:measured",
+        SINGLE_MODE: "softclose.device.simulate:simulate",
+        REDUCED_ORDER: "softclose.device.simulate:simulate",
+        MEASURED: "softclose.device.protocol:measured",
     },
     error=ModelError,
 )
-"""Whatever answers a waveform; see `softclose.device.DeviceModel`."""
+"""Whatever answers a waveform; see `softclose.device.protocol.DeviceModel`."""

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from softclose import Pulse, Waveform
-from softclose.amplifier import TOLERANCE_VOLTS, deliver
-from softclose.config import AmplifierSection, CampaignConfig, ConfigError, load_config
+from softclose.conditions.amplifier import TOLERANCE_VOLTS, AmplifierSection, deliver
 from softclose.evaluate import draw, respond
+from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.waveform import Trace, WaveformError
 
 STEP = Waveform([Pulse(0.0, 0.0, math.inf, 100.0)])

@@ -17,8 +17,8 @@ from softclose.baselines import (
     largest_holding_voltage,
     unshaped,
 )
-from softclose.plate import EPSILON_0, PLATE_AREA_UM2, holding_voltage
 from softclose.population.distributions import Bounded, PopulationError
+from softclose.switch.plate import EPSILON_0, PLATE_AREA_UM2, holding_voltage
 
 
 @pytest.mark.parametrize("name", ["current", "modified", "process-improved", "paper-text"])

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import pytest
 
-from softclose.config import load_config
 from softclose.propose.protocol import Observation, Problem, Proposal
 from softclose.propose.side_by_side import best_so_far, compare_engines, run_engine
 from softclose.propose.sobol import initial_point
+from softclose.settings import load_config
 from softclose.waveform import Waveform
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softclose.config import CampaignConfig, ConfigError, canonical_json, known_keys, load_config
 from softclose.evaluate import respond
 from softclose.plugins import EngineError
 from softclose.propose.protocol import Problem
+from softclose.settings import CampaignConfig, ConfigError, canonical_json, known_keys, load_config
 from softclose.waveform import Pulse, Waveform
 
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from scipy.stats import kstest, spearmanr
 
 from softclose import Population, load_population
-from softclose.config import load_config
-from softclose.plate import stiffness
 from softclose.population import VARIABLES, PopulationError
 from softclose.population.calibrate import calibrate, write_calibration
 from softclose.population.files import write_population
 from softclose.population.measurements import read_measurements, write_synthetic
+from softclose.settings import load_config
+from softclose.switch.plate import stiffness
 from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
 from softclose.waveform import Waveform
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softclose.config import load_config
 from softclose.propose import dependence
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
+from softclose.settings import load_config
 
 
 def problem() -> Problem:

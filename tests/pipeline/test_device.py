@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softclose import device, plugins, simulate
-from softclose.config import ConfigError, load_config
-from softclose.ensemble import Responses
+from softclose import plugins, simulate
+from softclose.device import protocol
+from softclose.device.simulate import Responses
+from softclose.settings import ConfigError, load_config
 
 
 def heavier(switches: Any, *arguments: Any, **settings: Any) -> Responses:
@@ -26,13 +27,13 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_model_of_the_study_is_the_default() -> None:
     assert load_config({}).model.name == plugins.SINGLE_MODE
-    assert device.load_model(plugins.SINGLE_MODE) is simulate
+    assert protocol.load_model(plugins.SINGLE_MODE) is simulate
 
 
 @pytest.mark.usefixtures("installed")
 def test_an_installed_model_is_named_in_the_configuration_and_loaded() -> None:
     assert load_config({}, ["model.name=heavier"]).model.name == "heavier"
-    assert device.load_model("heavier") is heavier
+    assert protocol.load_model("heavier") is heavier
 
 
 def test_a_model_that_is_not_installed_is_refused_with_the_nearest_name() -> None:

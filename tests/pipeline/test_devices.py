@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from softclose import Pulse, Waveform, load_population
-from softclose.config import load_config
 from softclose.evaluate import evaluate
-from softclose.plate import pull_in_voltage
 from softclose.population.calibrate import calibrate, refitted
 from softclose.population.measurements import Measurements
 from softclose.population.population import Population, switches_from_parameters
+from softclose.settings import load_config
+from softclose.switch.plate import pull_in_voltage
 from softclose.uncertainty.devices import DevicesError, propagate
 
 CONFIG = load_config("current")

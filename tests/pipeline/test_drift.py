@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from softclose import Pulse, Waveform, simulate
-from softclose.config import load_config
 from softclose.evaluate import draw, respond
-from softclose.plate import pull_in_voltage
+from softclose.settings import load_config
+from softclose.switch.plate import pull_in_voltage
 from softclose.uncertainty.drift import DriftError, drift, drifted
 
 DRIVE = Waveform([Pulse(0.0, 4.0, 4.78, 84.95), Pulse(32.46, 4.33, 6.2, 149.76), Pulse(45.94, 13.24, math.inf, 75.39)])

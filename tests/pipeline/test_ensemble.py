@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from softclose import Pulse, Waveform, simulate
-from softclose.ensemble import SimulationError, Status
+from softclose.device.simulate import SimulationError, Status
 from softclose.waveform import WaveformError
 
 SWITCH = np.array([[2.43, 3.68, 65.3, 3.41]])

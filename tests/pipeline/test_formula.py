@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from softclose.config import load_config
-from softclose.plate import A1, A2, B0, B1, KG_TO_UG
 from softclose.population import PopulationError, load_population
 from softclose.population.files import read_population, write_population
 from softclose.population.formula import Formula
 from softclose.population.population import Population
+from softclose.settings import load_config
+from softclose.switch.plate import A1, A2, B0, B1, KG_TO_UG
 
 CANTILEVER = """
 name = "cantilever"

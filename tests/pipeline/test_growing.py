@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowl import problem_of, run
-from softclose.config import ConfigError, load_config
 from softclose.propose.plan import growing, plan
+from softclose.settings import ConfigError, load_config
 
 
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=40), st.integers(1, 500), st.integers(1, 20_000))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from reference import EPS0_F_PER_M, reference
 from softclose import Pulse, Waveform, simulate
-from softclose.ensemble import Status
+from softclose.device.simulate import Status
 
 AREA = 16700.0
 MEAN = np.array([2.43, 3.68, 65.3, 3.41])

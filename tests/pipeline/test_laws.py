@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from softclose.plate import pull_in_voltage, resonance
 from softclose.population import Population, PopulationError
 from softclose.population.files import read_population, write_population
+from softclose.switch.plate import pull_in_voltage, resonance
 from softclose_workflows.cli import main
 
 HEAD = """

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from softclose import Waveform, simulate
-from softclose.config import load_config
+from softclose.conditions.learning import OVERDRIVE, actuate
 from softclose.evaluate import draw, evaluate, learn, touch_of
-from softclose.learning import OVERDRIVE, actuate
+from softclose.settings import load_config
 
 
 def config(*settings):

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from softclose import Population, load_population
-from softclose.config import load_config
 from softclose.evaluate import draw
 from softclose.population.distributions import Bounded, PopulationError
 from softclose.population.files import write_population
 from softclose.population.marginals import Empirical, Truncated, marginal_from_dict
+from softclose.settings import load_config
 
 P = np.linspace(0.0, 1.0, 401)
 

@@ -14,10 +14,10 @@ from scipy.sparse.linalg import spsolve
 
 from modal_reference import EPS0, ModalSwitch
 from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, read_reduced_order, simulate
-from softclose.ensemble import SimulationError
+from softclose.device.simulate import SimulationError
 from softclose.kernel.dispatch import ONE_MODE
-from softclose.losses import LossesError, shape_factor
-from softclose.reduced_order import Capacitance, CompliantContact, Mode, ReducedOrderError
+from softclose.switch.losses import LossesError, shape_factor
+from softclose.switch.reduced_order import Capacitance, CompliantContact, Mode, ReducedOrderError
 
 AREA = 16700.0
 MEAN = np.array([2.43, 3.68, 65.3, 3.41])

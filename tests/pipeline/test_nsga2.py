@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softclose.config import ConfigError, load_config
 from softclose.evaluate import draw, respond
 from softclose.metrics.pareto import hypervolume, pareto_front
 from softclose.plugins import EngineError
@@ -17,6 +16,7 @@ from softclose.propose.objectives import front_values, worst_values
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Observation, Problem, load_engine
 from softclose.propose.side_by_side import evaluate, run_engine
+from softclose.settings import ConfigError, load_config
 
 pytest.importorskip("pymoo")
 N = 256

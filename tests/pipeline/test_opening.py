@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from softclose import Pulse, Waveform
-from softclose.config import load_config
 from softclose.evaluate import draw
 from softclose.opening import OpeningError, design_brake, joined, judge_opening, let_go, opened
+from softclose.settings import load_config
 
 SOFT = Waveform([Pulse(0, 4.4, 7.25, 111.6), Pulse(56.5, 19, math.inf, 75)])
 STEP = Waveform([Pulse(0, 0.0, math.inf, 110)])

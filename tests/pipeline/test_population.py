@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from softclose import Population, load_population
-from softclose.plate import A1, frequency, holding_voltage, modulus, pull_in_voltage, stiffness_from_pull_in
 from softclose.population import VARIABLES, population_names, switches_from_parameters
 from softclose.population.distributions import Bounded, PopulationError
 from softclose.population.population import SAMPLINGS
+from softclose.switch.plate import A1, frequency, holding_voltage, modulus, pull_in_voltage, stiffness_from_pull_in
 
 
 def test_the_deterministic_switch_has_the_printed_means() -> None:

@@ -12,11 +12,11 @@ import pytest
 
 from bowl import bits, observe, problem_of, run
 from softclose import plugins
-from softclose.config import load_config
 from softclose.propose.origins import FALLBACK, LOCAL, ORIGINS
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import EngineError, Problem, Proposal, load_engine, seen_by
+from softclose.settings import load_config
 
 ENGINES = ("sobol", "skopt", "cmaes", "direct", "paper")
 

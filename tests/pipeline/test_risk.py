@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from softclose import Waveform, assess
-from softclose.config import ConfigError, load_config
 from softclose.evaluate import draw, evaluate, judge, respond
 from softclose.metrics.objective import Judged, ObjectiveError
+from softclose.settings import ConfigError, load_config
 
 
 def judged(v_cm_s, closed=None):

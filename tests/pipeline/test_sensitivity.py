@@ -11,8 +11,8 @@ import pytest
 
 from softclose import load_population
 from softclose.baselines import unshaped
-from softclose.config import CampaignConfig, load_config
 from softclose.population import PopulationError
+from softclose.settings import CampaignConfig, load_config
 from softclose.uncertainty import sensitivity as module
 from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
 

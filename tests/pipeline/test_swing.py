@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from softclose import load_population
-from softclose.config import load_config
 from softclose.kernel.dispatch import devices
-from softclose.plate import PLATE_AREA_UM2
 from softclose.population.distributions import Bounded
 from softclose.propose.design import ARRIVALS, BLOCK, COMPENSATION, design_point
 from softclose.propose.protocol import Problem
 from softclose.propose.swing import FARTHEST, Lot, Swing, free_swing
+from softclose.settings import load_config
+from softclose.switch.plate import PLATE_AREA_UM2
 from softclose.waveform import Waveform
 
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import chi2, norm
 
 from softclose import Waveform
-from softclose.config import load_config
 from softclose.evaluate import draw, respond
+from softclose.settings import load_config
 from softclose.uncertainty import tails as module
 from softclose.uncertainty.tails import STREAM, TailError, tail
 

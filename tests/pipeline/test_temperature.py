@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from softclose import Pulse, Waveform
-from softclose.config import ConfigError, load_config
+from softclose.conditions.temperature import heated, worse
 from softclose.evaluate import draw, evaluate, respond
-from softclose.temperature import heated, worse
+from softclose.settings import ConfigError, load_config
 
 TABLES: dict[str, Any] = {
     "celsius": [-40, 20, 85],

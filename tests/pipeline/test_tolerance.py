@@ -9,7 +9,7 @@ import pytest
 
 from softclose import Pulse, Waveform, load_population, simulate
 from softclose.baselines import deterministic_design
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose.uncertainty.tolerance import (
     DEFAULT_ERRORS,
     DriveError,

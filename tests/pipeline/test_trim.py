@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from softclose import Pulse, Waveform, simulate
-from softclose.config import ConfigError, load_config
-from softclose.evaluate import draw, evaluate, respond
-from softclose.plate import closing_voltage, holding_voltage, pull_in_voltage, resonance
-from softclose.population.trim import Scales, Trim, TrimError, effective, limited
-from softclose.trimmed import drive_scales, scaled
+from softclose.conditions.trim import Trim, TrimError, limited
+from softclose.device.scaled import Scales, effective, scaled
+from softclose.evaluate import draw, drive_scales, evaluate, respond
+from softclose.settings import ConfigError, load_config
+from softclose.switch.plate import closing_voltage, holding_voltage, pull_in_voltage, resonance
 
 DRIVE = Waveform([Pulse(0.0, 5.0, 12.0, 100.0), Pulse(30.0, 6.0, 8.0, 130.0), Pulse(60.0, 7.0, math.inf, 90.0)])
 PRECISE = {"pull_in_error": 0.0, "resonance_error": 0.0}

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowl import bits, observe, problem_of, run
-from softclose.config import ConfigError, load_config
 from softclose.propose.descents import AGAIN, Descent
 from softclose.propose.design import design_point
 from softclose.propose.explore import explore_ladder
@@ -20,6 +19,7 @@ from softclose.propose.origins import EXPLORE, EXTRA, FALLBACK, INITIAL, POLISH,
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import EngineError, Problem
+from softclose.settings import ConfigError, load_config
 
 EXPLORING = {"budget": 150, "n_descents": 4, "turns": 2, "rounds": 2}
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from campaigns import SMALL, command, softclose
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose_store import open_campaign, store_state
 from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run.creation import create_store

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
 from softclose import Pulse, Waveform, simulate
-from softclose.config import CampaignConfig, load_config
+from softclose.settings import CampaignConfig, load_config
 from softclose_store import DamageError, list_groups, open_campaign, read_group
 from softclose_workflows.analyses.certify import (
     DISTINCT_VOLTS,

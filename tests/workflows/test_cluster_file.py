@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from softclose.config import ConfigError
+from softclose.settings import ConfigError
 from softclose_workflows.errors import ExecutorError
 from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.executors.batch import CLASSES, job_script

@@ -11,9 +11,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from small_campaigns import COARSE, make_campaign
-from softclose.config import CampaignConfig, ConfigError, load_config
 from softclose.evaluate import N_PARAMETERS, judge, respond
 from softclose.opening import Released, judge_opening
+from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import certify, fresh_switches, read_certification

@@ -14,9 +14,9 @@ import xarray as xr
 from campaigns import softclose
 from small_campaigns import COARSE, COMPLETE, finish, make_campaign
 from softclose import ALGORITHM
-from softclose.config import ConfigError, load_config
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
+from softclose.settings import ConfigError, load_config
 from softclose_store import OtherConfigurationError, StoreError, open_campaign, repair, verify
 from softclose_store.write import extend as writing
 from softclose_workflows.analyses.recompute import recompute

@@ -22,11 +22,11 @@ import pytest
 from campaigns import SMALL, command, run_arguments, softclose
 from small_campaigns import COARSE, make_campaign
 from softclose import Waveform, plugins, simulate
-from softclose.config import load_config
-from softclose.device import CannotSimulate
+from softclose.device.protocol import CannotSimulate
 from softclose.propose import plan, proposer
 from softclose.propose.protocol import Problem, Proposal
 from softclose.propose.sobol import initial_point
+from softclose.settings import load_config
 from softclose_store import StoreError, open_campaign, verify
 from softclose_workflows.commands.driving import drive
 from softclose_workflows.errors import Stopped

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from softclose import Pulse, Waveform
-from softclose.config import load_config
 from softclose.propose.protocol import Proposal, Wave
+from softclose.settings import load_config
 from softclose_store import Layout, StageLayout
 from softclose_workflows.run.flight import Flight, plan_tasks, recovered
 from softclose_workflows.run.tasks import BlockResult

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from softclose import load_population
-from softclose.config import load_config
-from softclose.plate import closing_voltage, pull_in_voltage
+from softclose.settings import load_config
+from softclose.switch.plate import closing_voltage, pull_in_voltage
 from softclose_workflows.analyses.forewarned import forewarnings
 from softclose_workflows.cli import main
 

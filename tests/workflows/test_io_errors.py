@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from small_campaigns import COARSE, make_campaign
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose_store import StoreError, open_campaign, remove_orphans, store_state, verify
 from softclose_store.disk import files
 from softclose_store.write import create

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from campaigns import SMALL
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose_store import verify
 from softclose_store.disk.files import LocalFiles
 from softclose_workflows.run.creation import create_store

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 from campaigns import command, run_arguments
 from small_campaigns import FINISHED
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose_workflows.cli import main
 from softclose_workflows.run import block_memory, needs
 from softclose_workflows.run.executors import Placement

@@ -19,7 +19,7 @@ import pytest
 from click.testing import CliRunner
 
 from campaigns import command, run_arguments, softclose
-from softclose.config import load_config
+from softclose.settings import load_config
 from softclose_store import DriverStore, open_campaign, store_state, verify
 from softclose_store.disk import objects
 from softclose_store.disk.files import list_keys, open_files, read_key, write_key

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from small_campaigns import COARSE, COMPLETE, make_campaign
-from softclose.config import CampaignConfig
+from softclose.conditions.temperature import heated
 from softclose.evaluate import N_PARAMETERS, draw, judge, respond
 from softclose.presets import find_preset
-from softclose.temperature import heated
+from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
 from softclose_workflows.analyses.front import front_of
 from softclose_workflows.report import condition_charts, front_charts

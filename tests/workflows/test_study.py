@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 from small_campaigns import COARSE
 from softclose import Pulse, Waveform, assess, load_population
-from softclose.config import ConfigError
 from softclose.evaluate import evaluate
+from softclose.settings import ConfigError
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.cli import main
 from softclose_workflows.run.executors import Placement

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
 from softclose import Waveform
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 from softclose.uncertainty.tails import tail
 from softclose_store import open_campaign
 from softclose_workflows.cli import main

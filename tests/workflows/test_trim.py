@@ -12,10 +12,9 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
 from softclose import Waveform
-from softclose.config import CampaignConfig, load_config
-from softclose.evaluate import draw, evaluate, learn, respond, touch_of
-from softclose.learning import actuate
-from softclose.trimmed import drive_scales
+from softclose.conditions.learning import actuate
+from softclose.evaluate import draw, drive_scales, evaluate, learn, respond, touch_of
+from softclose.settings import CampaignConfig, load_config
 from softclose_store import open_campaign, verify
 from softclose_workflows import api
 from softclose_workflows.analyses.certify import certify, fresh_switches

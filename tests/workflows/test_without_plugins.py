@@ -93,7 +93,7 @@ def test_running_says_what_is_missing(tmp_path: Path) -> None:
 
 
 def test_resuming_says_what_is_missing_before_it_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from softclose.config import CampaignConfig, load_config
+    from softclose.settings import CampaignConfig, load_config
     from softclose_workflows.run.creation import create_store
 
     data = load_config("current", SETTINGS[:3]).to_dict()

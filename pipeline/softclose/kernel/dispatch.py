@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from softclose.kernel import pieces as drive_pieces
 from softclose.kernel import rk, taylor
-from softclose.losses import Losses
-from softclose.plate import EPSILON_0
-from softclose.reduced_order import Mode, ReducedOrder
+from softclose.switch.losses import Losses
+from softclose.switch.plate import EPSILON_0
+from softclose.switch.reduced_order import Mode, ReducedOrder
 from softclose.waveform import Trace, Waveform
 
 FloatArray = NDArray[np.float64]

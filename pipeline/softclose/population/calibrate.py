@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.plate import PLATE_AREA_UM2, modulus, stiffness_from_pull_in
 from softclose.population import copula
 from softclose.population.copula import Correlation
 from softclose.population.distributions import PopulationError
@@ -23,6 +22,7 @@ from softclose.population.files import write_population
 from softclose.population.fit import Fit, Kind, estimate, fit
 from softclose.population.measurements import MeasurementError, Measurements
 from softclose.population.population import UNITS, VARIABLES, Population
+from softclose.switch.plate import PLATE_AREA_UM2, modulus, stiffness_from_pull_in
 
 FloatArray = NDArray[np.float64]
 

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from softclose.naming import did_you_mean
-from softclose.plate import A1, mass, stiffness
 from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError, portable
 from softclose.population.formula import Formula
 from softclose.population.laws import LAWS, UNITS
 from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.population.population import Population
+from softclose.switch.plate import A1, mass, stiffness
 from softclose.tables import check_keys, finite_number
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")

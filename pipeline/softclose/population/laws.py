@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.plate import KG_TO_UG, mass, stiffness, stiffness_from_pull_in
+from softclose.switch.plate import KG_TO_UG, mass, stiffness, stiffness_from_pull_in
 
 FloatArray = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.naming import nearest
-from softclose.plate import A1, pull_in_voltage
 from softclose.population.population import Population, switches_from_parameters
+from softclose.switch.plate import A1, pull_in_voltage
 
 FloatArray = NDArray[np.float64]
 

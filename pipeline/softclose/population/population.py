@@ -14,7 +14,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from softclose.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 from softclose.population import copula
 from softclose.population.copula import Correlation
 from softclose.population.distributions import PopulationError, portable
@@ -22,6 +21,7 @@ from softclose.population.formula import Formula
 from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
+from softclose.switch.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 
 FloatArray = NDArray[np.float64]
 Sampling = Literal["monte-carlo", "sobol"]

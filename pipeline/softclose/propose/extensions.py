@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from softclose.config import CampaignConfig, extension_size
 from softclose.propose.protocol import Problem
+from softclose.settings import CampaignConfig
+from softclose.settings.campaign import extension_size
 
 EXTEND, RETRY = "extend", "retry"
 """Stages `extend1`, `extend2`, …, and the engine of those that follow descents; that of candidates computed again."""

@@ -24,7 +24,7 @@ from softclose.propose.replay import Answers, next_point
 from softclose.waveform import Waveform
 
 if TYPE_CHECKING:
-    from softclose.config import FinishSection
+    from softclose.settings.search import FinishSection
 
 FloatArray = NDArray[np.float64]
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softclose.config import CampaignConfig, FrontObjective
 from softclose.propose.protocol import Observation
+from softclose.settings import CampaignConfig
+from softclose.settings.search import FrontObjective
 from softclose.waveform import FloatArray
 
 UNITS: dict[FrontObjective, str] = {"v_u": "cm/s", "p_nc": "", "closing": "µs", "peak": "V"}

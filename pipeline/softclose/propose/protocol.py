@@ -23,9 +23,9 @@ from softclose.waveform import Waveform
 from softclose.waveform.spaces import Scales, Space, build_space
 
 if TYPE_CHECKING:
-    from softclose.config import CampaignConfig
     from softclose.population import Population
     from softclose.propose.swing import Lot
+    from softclose.settings import CampaignConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

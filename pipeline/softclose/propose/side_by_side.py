@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import draw
 from softclose.evaluate import evaluate as apply
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Engine, Observation, Problem, Proposal, Wave, WaveEngine
+from softclose.settings import CampaignConfig
 
 FloatArray = NDArray[np.float64]
 

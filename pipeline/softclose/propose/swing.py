@@ -14,10 +14,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from softclose.conditions.trim import Trim
+from softclose.device.scaled import effective
 from softclose.kernel.dispatch import devices
-from softclose.plate import closing_voltage, holding_voltage
 from softclose.population import Population
-from softclose.population.trim import Trim, effective
+from softclose.switch.plate import closing_voltage, holding_voltage
 
 FloatArray = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import evaluate
 from softclose.metrics.intervals import Interval
 from softclose.metrics.objective import Assessment
 from softclose.population.calibrate import refitted
 from softclose.population.distributions import PopulationError
 from softclose.population.population import Population, index_uniforms
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 
 STREAM = 7_400_000

@@ -15,10 +15,10 @@ from typing import Literal
 
 import numpy as np
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import judge, respond
 from softclose.metrics.objective import Assessment, Response
 from softclose.metrics.paired import Comparison, compare
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 
 Kind = Literal["stiffness", "charge"]

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig, load_config
 from softclose.evaluate import respond
 from softclose.metrics.intervals import mean_interval
 from softclose.metrics.objective import CM_S
 from softclose.population import Population
+from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]

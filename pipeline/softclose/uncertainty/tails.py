@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from scipy.special import ndtr
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import draw, respond
 from softclose.metrics.intervals import Interval, clopper_pearson, normal_quantile
 from softclose.metrics.objective import CM_S
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 
 if TYPE_CHECKING:

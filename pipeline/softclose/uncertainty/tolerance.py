@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from softclose.config import CampaignConfig, load_config
 from softclose.evaluate import judge, respond
 from softclose.metrics.objective import Assessment, Judged
+from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Pulse, Waveform
 
 FloatArray = NDArray[np.float64]

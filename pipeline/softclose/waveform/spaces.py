@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.naming import unknown_name
-from softclose.plate import EPSILON_0, holding_voltage, pull_in_voltage
+from softclose.switch.plate import EPSILON_0, holding_voltage, pull_in_voltage
 from softclose.waveform.coordinates import FAR, Coordinate
 from softclose.waveform.pulses import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 

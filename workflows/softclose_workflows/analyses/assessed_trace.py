@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from softclose.config import CampaignConfig, load_config
 from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
+from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Drive, Trace
 from softclose_store import GroupArray, StoreMissingError, open_campaign, store_state, write_group
 from softclose_workflows.analyses.certify import check_size, simulate_fresh

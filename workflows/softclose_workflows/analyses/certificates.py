@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.metrics.objective import Judged
+from softclose.settings import CampaignConfig
 from softclose_store import GroupArray, group_attributes, list_groups, open_campaign, read_group, write_group
 from softclose_workflows.analyses.certification import (
     Certification,

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.opening import Openings
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import Campaign
 

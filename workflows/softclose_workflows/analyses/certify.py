@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS, draw, respond
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
 from softclose.opening import Opening, OpeningError, Openings, assess_opening, joined, let_go
+from softclose.settings import CampaignConfig
 from softclose.waveform import Drive, FloatArray, Waveform
 from softclose_store import Campaign, DamageError, StoreMissingError, group_attributes, open_campaign
 from softclose_workflows.analyses.certificates import STREAM as STREAM

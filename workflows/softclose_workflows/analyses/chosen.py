@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import CertifyError, read_certification

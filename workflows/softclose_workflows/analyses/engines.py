@@ -11,8 +11,8 @@ from typing import Any
 import click
 import numpy as np
 
-from softclose.config import CampaignConfig
 from softclose.propose.side_by_side import EngineRun, compare_engines, with_seed
+from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
 from softclose_workflows.run import needs
 from softclose_workflows.tell.console import silent, wide_console

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import objective_settings
 from softclose.metrics.objective import Judged
 from softclose.metrics.race import Race, race, sizes
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certificates import write_certificate

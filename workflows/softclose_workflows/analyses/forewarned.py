@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from softclose.config import CampaignConfig
-from softclose.plate import closing_voltage
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
+from softclose.settings import CampaignConfig
+from softclose.switch.plate import closing_voltage
 from softclose.waveform import MIN_RISE_US
 
 _N = 4096

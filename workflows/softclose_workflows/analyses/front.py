@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig, FrontObjective
 from softclose.metrics.pareto import hypervolume, pareto_front
 from softclose.propose.objectives import UNITS, front_values, worst_values
 from softclose.propose.protocol import Observation
+from softclose.settings import CampaignConfig
+from softclose.settings.search import FrontObjective
 from softclose.waveform import FloatArray
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import CertifyError

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Judged
 from softclose.opening import OpeningError
@@ -17,6 +16,7 @@ from softclose.plugins import MEASURED
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Problem
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import Campaign as StoredCampaign
 from softclose_store import DriverStore, Layout, Recompute, StoreError, open_campaign

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from softclose.config import CampaignConfig
-from softclose.device import ModelError
+from softclose.device.protocol import ModelError
 from softclose.evaluate import N_PARAMETERS, respond
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 
 if TYPE_CHECKING:
-    from softclose.ensemble import Responses
+    from softclose.device.simulate import Responses
 
 UNSHAPED = "unshaped"
 DETERMINISTIC = "deterministic"

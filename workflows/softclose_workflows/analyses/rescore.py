@@ -13,9 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment, Judged
+from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
 
 FloatArray = NDArray[np.float64]

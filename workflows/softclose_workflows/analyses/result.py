@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import judge
+from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
 from softclose_workflows.analyses.opening import opening_words
 from softclose_workflows.analyses.references import missing_lines, simulate_references

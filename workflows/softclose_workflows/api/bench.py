@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose import ALGORITHM
-from softclose.config import CampaignConfig, load_config
 from softclose.metrics.objective import CM_S, Assessment, Judged
 from softclose.plugins import ENGINES, MEASURED
+from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Waveform
 from softclose_store import Best, Campaign, DriverStore, open_campaign, path_text, store_state, write_block
 from softclose_workflows.analyses.certificates import write_certificate

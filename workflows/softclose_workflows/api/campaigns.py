@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from softclose.config import load_config
 from softclose.population.calibrate import Calibration, write_calibration
 from softclose.population.calibrate import calibrate as fit_population
 from softclose.population.measurements import MeasurementError, read_measurements
+from softclose.settings import load_config
 from softclose.uncertainty.sensitivity import Sensitivity
 from softclose.uncertainty.tolerance import DriveError, DriveTolerance
 from softclose_store import open_campaign, path_text

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from softclose.config import CampaignConfig, load_config
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, Proposal, seen_by
+from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import FloatArray, Waveform
 from softclose.waveform.spaces import SpaceError
 from softclose_workflows.errors import BenchError

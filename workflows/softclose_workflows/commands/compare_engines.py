@@ -27,8 +27,8 @@ def compare_engines(
     source: str, engines: str, seeds: str, overrides: tuple[str, ...], switches: int, figure: str | None, as_json: bool
 ) -> None:
     """Run several engines on one problem from several seeds, in this process, without stores."""
-    from softclose.config import ConfigError, load_config
     from softclose.plugins import ENGINES
+    from softclose.settings import ConfigError, load_config
     from softclose_workflows.analyses.engines import compare, print_comparison, to_json
     from softclose_workflows.tell.plain import json_text
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.result import print_result
 from softclose_workflows.run import driving
 from softclose_workflows.run.executors import Placement

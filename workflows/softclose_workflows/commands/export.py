@@ -158,7 +158,7 @@ def waveform(
     if release and settings["duration_us"] is None and form != "pwl":
         settings["duration_us"] = math.ceil(drive.breakpoints(math.inf)[-1])
     if pull_in_V is not None or resonance_kHz is not None:
-        from softclose.config import CampaignConfig
+        from softclose.settings import CampaignConfig
         from softclose_workflows.exports.trim import drive_of
 
         config = CampaignConfig.from_dict(campaign.config)
@@ -320,7 +320,7 @@ def history(store: str, /, form: str, output: Path | None) -> None:
 @click.pass_obj
 def trim(store: str, /, devices: Path | None, rows: int, candidate: int | None, output: Path | None) -> None:
     """From what is measured on a switch to the scales of its drive: a table for the test floor."""
-    from softclose.config import CampaignConfig
+    from softclose.settings import CampaignConfig
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
     from softclose_workflows.exports.trim import device_table, grid_table

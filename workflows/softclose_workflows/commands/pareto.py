@@ -28,7 +28,7 @@ def pareto(store: str, objectives: tuple[str, ...], as_json: bool) -> None:
     """
     from typing import cast
 
-    from softclose.config import FrontObjective
+    from softclose.settings.search import FrontObjective
     from softclose_workflows.analyses.front import front_to_json, print_front
     from softclose_workflows.tell.plain import json_text
 

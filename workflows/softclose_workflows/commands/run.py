@@ -36,7 +36,7 @@ def run(
 
     If STORE already holds this very campaign it is continued; another campaign is refused.
     """
-    from softclose.config import load_config
+    from softclose.settings import load_config
     from softclose_workflows.analyses.forewarned import forewarnings
     from softclose_workflows.commands.driving import drive
     from softclose_workflows.run.warm_start import warm_started

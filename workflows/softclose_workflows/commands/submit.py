@@ -32,7 +32,7 @@ def submit(
     The driver's job starts the workers' jobs (--cluster). Where it ends early, by its walltime, cancelled or with its
     node, the next one, queued already, resumes the campaign.
     """
-    from softclose.config import load_config
+    from softclose.settings import load_config
     from softclose_workflows.run.executors.batch import job_script
     from softclose_workflows.run.executors.cluster_file import load_cluster
     from softclose_workflows.run.submission import DriverJob, submission

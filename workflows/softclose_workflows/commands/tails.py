@@ -53,7 +53,7 @@ def tails(
 
     from rich.table import Table
 
-    from softclose.config import CampaignConfig
+    from softclose.settings import CampaignConfig
     from softclose_store import open_campaign
     from softclose_workflows.analyses.tails import questions, shown, to_json
     from softclose_workflows.analyses.tails import tails as analyse

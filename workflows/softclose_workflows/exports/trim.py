@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from softclose.config import CampaignConfig
-from softclose.evaluate import learn, touch_of
-from softclose.learning import actuate
+from softclose.conditions.learning import actuate
+from softclose.conditions.trim import Trim
+from softclose.device.scaled import Scales, scaled
+from softclose.evaluate import learn, limited_scales, touch_of
 from softclose.population.measurements import read_devices
-from softclose.population.trim import Scales, Trim
-from softclose.trimmed import limited_scales, scaled
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.errors import ExportError
 

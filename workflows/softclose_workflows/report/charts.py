@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from softclose.amplifier import deliver
-from softclose.config import CampaignConfig
+from softclose.conditions.amplifier import deliver
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import group_of
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray
 from softclose_workflows.report import shapes
 from softclose_workflows.report.data import Design, ReportData, TrimShown

@@ -8,12 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from softclose.config import CampaignConfig, TemperatureSection
-from softclose.device import ModelError
+from softclose.conditions.temperature import TemperatureSection, heated
+from softclose.device.protocol import ModelError
 from softclose.evaluate import N_PARAMETERS, draw, judge, respond
 from softclose.metrics.objective import CM_S, Assessment
 from softclose.plugins import REDUCED_ORDER
-from softclose.temperature import heated
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray
 from softclose_workflows.report.data import Design, OverTemperature, Plainer
 

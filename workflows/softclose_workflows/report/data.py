@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.metrics.objective import CM_S, Assessment
 from softclose.opening import Openings
 from softclose.propose.dependence import Dependence
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.analyses.front import Front

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import FrontObjective
+from softclose.settings.search import FrontObjective
 from softclose.waveform import FloatArray
 from softclose_workflows.analyses.front import Front
 from softclose_workflows.report.charts import Chart, axis, layout, numbers

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
-from softclose.device import ModelError
-from softclose.evaluate import N_PARAMETERS, judge, respond
+from softclose.device.protocol import ModelError
+from softclose.evaluate import N_PARAMETERS, drive_scales, judge, respond
 from softclose.metrics.objective import CM_S
 from softclose.opening import Openings
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
-from softclose.trimmed import drive_scales
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_store.schema.fields import SURROGATE_PREFIX
 from softclose_workflows.analyses.certify import Certification, read_certification

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 
 TRAJECTORY_RAW_BYTES = 60.0
 """V, instants, final state and status of one switch under one waveform, before compression."""

@@ -13,12 +13,12 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from softclose.config import CampaignConfig
 from softclose.plugins import EngineError
 from softclose.propose.origins import FALLBACK
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, seen_by
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import DriverStore
 from softclose_workflows.errors import Stopped

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from softclose import ALGORITHM
-from softclose.config import CampaignConfig
+from softclose.conditions.trim import N_SCALES
 from softclose.evaluate import N_PARAMETERS, draw
-from softclose.population.trim import N_SCALES
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray
 from softclose.waveform.spaces import SPACES
 from softclose_store import Layout, StoreError, create_campaign

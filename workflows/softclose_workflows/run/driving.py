@@ -10,9 +10,9 @@ from pathlib import Path
 import click
 
 from softclose import ALGORITHM
-from softclose.config import CampaignConfig
-from softclose.device import measured
+from softclose.device.protocol import measured
 from softclose.plugins import MEASURED
+from softclose.settings import CampaignConfig
 from softclose_store import DamageError, DriverStore, StoreError, open_campaign, store_state, verify
 from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
 from softclose_workflows.run.campaign import Driver

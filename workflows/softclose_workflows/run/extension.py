@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softclose import ALGORITHM
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 from softclose_store import StoreError, extend_campaign, open_campaign
 from softclose_workflows.run.creation import layout_of
 from softclose_workflows.run.runtime import runtime

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import judge
 from softclose.metrics.objective import Judged
 from softclose.propose.protocol import Proposal, Wave
+from softclose.settings import CampaignConfig
 from softclose_store import Layout, assessed_digest, proposals_digest
 from softclose_workflows.run import records
 from softclose_workflows.run.tasks import BlockResult, BlockTask, rows_of

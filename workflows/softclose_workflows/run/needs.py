@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 from softclose_workflows.run.block_memory import of_worker
 from softclose_workflows.run.executors.placement import Placement
 

@@ -13,7 +13,6 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
 from softclose.evaluate import N_PARAMETERS
 from softclose.opening import (
     Opening,
@@ -25,6 +24,7 @@ from softclose.opening import (
     judge_opening,
     opened,
 )
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import (
     Campaign,

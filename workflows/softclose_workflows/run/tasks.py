@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.config import CampaignConfig
-from softclose.device import FAILURES
+from softclose.device.protocol import FAILURES
+from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_store import IMPACT_QUANTITIES, QUANTITIES
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from softclose.config import CampaignConfig, ConfigError
 from softclose.propose.basins import distinct_basins
 from softclose.propose.protocol import Observation, Problem
+from softclose.settings import CampaignConfig, ConfigError
 from softclose_store import open_campaign
 from softclose_workflows.run import records
 

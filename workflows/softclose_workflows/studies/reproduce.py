@@ -14,9 +14,9 @@ from typing import Any
 import click
 import numpy as np
 
-from softclose.config import load_config
 from softclose.metrics.objective import CM_S
 from softclose.metrics.paired import spread_at
+from softclose.settings import load_config
 from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.studies.published import CASES, LIMIT_CM_S, N_PUBLISHED, presets
 from softclose_workflows.studies.reproduced import Row

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softclose.config import CampaignConfig
 from softclose.metrics.intervals import Interval
+from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certify import Certified
 from softclose_workflows.studies.published import Case
 

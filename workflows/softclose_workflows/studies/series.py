@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from softclose import ALGORITHM
-from softclose.config import CampaignConfig
+from softclose.settings import CampaignConfig
 from softclose_store import DriverStore, open_campaign, store_state
 from softclose_workflows.analyses.certify import N_REFERENCES, Certification, certify, check_size
 from softclose_workflows.errors import ExecutorError, Stopped

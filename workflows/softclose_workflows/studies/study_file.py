@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from softclose.config import CampaignConfig, ConfigError, load_config, read_toml
 from softclose.population import UNITS, Population
 from softclose.presets import PresetError, find_named
+from softclose.settings import CampaignConfig, ConfigError, load_config, read_toml
 from softclose_workflows.studies.series import Member
 
 FOLDER = Path(__file__).parent / "shipped"

@@ -11,9 +11,9 @@ from annotated_types import Ge, Gt, MinLen
 from pydantic import ConfigDict, ValidationError
 from pydantic.dataclasses import dataclass
 
-from softclose.allowed import refusal
-from softclose.config import ConfigError, read_toml
+from softclose.allowed.refusal import refusal
 from softclose.naming import did_you_mean
+from softclose.settings import ConfigError, read_toml
 
 Scheduler = Literal["slurm", "pbs", "lsf", "sge", "oar"]
 

@@ -7,16 +7,51 @@ gap and travel. Between entries a straight line.
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass as section
 
+from softclose.allowed.types import SETTINGS
 from softclose.population.population import index_uniforms
 from softclose.waveform import FloatArray
 
 if TYPE_CHECKING:
-    from softclose.config import TemperatureSection
-    from softclose.ensemble import Responses
+    from softclose.device.simulate import Responses
+
+
+@section(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class TemperatureSection:
+    """A range of temperature over which the waveform has to hold; without tables, none matters."""
+
+    low_C: Annotated[float, Field(ge=-273.15, le=2000)] = 20.0
+    """Lowest temperature of the range [°C]: every switch of an ensemble has one of its own."""
+    high_C: Annotated[float, Field(ge=-273.15, le=2000)] = 20.0
+    """Highest temperature [°C]."""
+    celsius: tuple[Annotated[float, Field(ge=-273.15, le=2000)], ...] = ()
+    """Temperatures of the tables [°C], rising; the population is that at which the factor is 1 and the shifts are 0."""
+    stiffness: tuple[Annotated[float, Field(gt=0, le=100)], ...] = ()
+    """Stiffness there over that of the population: E(T) and residual stress."""
+    gap_um: tuple[Annotated[float, Field(ge=-1e3, le=1e3)], ...] = ()
+    """What the gap G is wider there [µm]."""
+    travel_um: tuple[Annotated[float, Field(ge=-1e3, le=1e3)], ...] = ()
+    """What the travel D is longer there [µm]."""
+    worst_of: Annotated[int, Field(ge=0, le=64, strict=True)] = 0
+    """Each switch is simulated at so many temperatures, evenly from low_C to high_C, and counts at its worst: its
+    largest V, closed only where it closes at all of them. 0: at one temperature of its own, uniform over the range."""
+
+    @property
+    def spreads(self) -> bool:
+        """Whether each switch has a temperature of its own."""
+        return bool(self.celsius) and not self.worst_of
+
+    @property
+    def tried(self) -> tuple[float, ...]:
+        """Temperatures at which every switch is simulated [°C]; (): at its own alone."""
+        n = self.worst_of
+        return tuple(self.low_C + (self.high_C - self.low_C) * k / (n - 1) for k in range(n))
+
 
 _STREAM = 7_300_000
 """Added to an ensemble's stream: temperatures are independent of switches and drives."""

@@ -16,7 +16,7 @@ from softclose.plugins import ModelError as ModelError
 from softclose.waveform import Waveform
 
 if TYPE_CHECKING:  # the compiler takes half a second to import, and reading a configuration needs none of it
-    from softclose.ensemble import Responses
+    from softclose.device.simulate import Responses
 
 
 class CannotSimulate(RuntimeError):

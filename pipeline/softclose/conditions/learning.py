@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softclose.conditions.trim import Trim, normal_quantiles
 from softclose.population.population import index_uniforms
-from softclose.population.trim import Trim, normal_quantiles
 from softclose.waveform import FloatArray, Pulse, Waveform
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]

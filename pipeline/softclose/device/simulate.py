@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.kernel import dispatch
-from softclose.losses import Losses
-from softclose.reduced_order import ReducedOrder
+from softclose.switch.losses import Losses
+from softclose.switch.reduced_order import ReducedOrder
 from softclose.waveform import MAX_VOLTS, Trace, Waveform
 
 if TYPE_CHECKING:

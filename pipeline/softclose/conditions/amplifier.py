@@ -9,15 +9,63 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass as section
 
+from softclose.allowed.types import SETTINGS
 from softclose.population.population import index_uniforms
 from softclose.waveform import FloatArray, Trace, Waveform
 
-if TYPE_CHECKING:
-    from softclose.config import AmplifierSection
+
+@section(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class AmplifierSection:
+    """What stands between the commanded waveform and the switch; by default nothing does."""
+
+    gain: Annotated[float, Field(gt=0, le=2)] = 1.0
+    """Volts delivered over volts commanded, at rest: a known error of the gain."""
+    offset_volts: Annotated[float, Field(ge=-50, le=50)] = 0.0
+    """Added to what is delivered [V]."""
+    delay_us: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    """Everything arrives so much later [µs]."""
+    slew_volts_per_us: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Steepest slope of the output [V/µs]; 0: none is too steep."""
+    bandwidth_kHz: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Frequency at which a sine comes out at -3 dB [kHz]; 0: every frequency passes."""
+    order: Literal[1, 2] = 1
+    """Order of that low-pass."""
+    damping: Annotated[float, Field(ge=0.05, le=5)] = 0.7071
+    """Damping ratio of the second order; 0.707 is the flattest, less overshoots."""
+    resolution_volts: Annotated[float, Field(ge=0, le=50)] = 0.0
+    """Step of the generator's voltages [V]; 0: none."""
+    resolution_us: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Time between two voltages of the generator, each of which is held [µs]; 0: none."""
+    step_us: Annotated[float, Field(gt=0, le=1)] = 0.05
+    """Step in which all this is computed [µs]."""
+    gain_error: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    """Relative standard deviation of the gain from one switch's drive to the next."""
+    time_error: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    """Relative standard deviation of the generator's clock from one switch's drive to the next."""
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether what is commanded is what is delivered, random errors aside."""
+        plain = AmplifierSection(
+            step_us=self.step_us,
+            order=self.order,
+            damping=self.damping,
+            gain_error=self.gain_error,
+            time_error=self.time_error,
+        )
+        return self == plain
+
+    @property
+    def scatters(self) -> bool:
+        """Whether drives differ at random from one switch to the next."""
+        return self.gain_error > 0.0 or self.time_error > 0.0
+
 
 _STREAM = 7_200_000
 """Added to an ensemble's stream: a drive's errors are independent of its switch."""

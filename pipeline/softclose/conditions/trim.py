@@ -10,13 +10,17 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+from pydantic.dataclasses import dataclass as section
 
-from softclose.plate import closing_voltage, resonance
+from softclose.allowed.types import SETTINGS
+from softclose.device.scaled import Scales
 from softclose.population.population import Population, index_uniforms
+from softclose.switch.plate import closing_voltage, resonance
 
 FloatArray = NDArray[np.float64]
 
@@ -37,18 +41,32 @@ _N_REFERENCE = 16384
 """Switches from which the edges of bins are computed: a quantile of them is known to half a percent of the spread."""
 
 
+@section(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class TrimSection:
+    """One waveform, adjusted to each switch by what was measured on it."""
+
+    measured: Measured = "nothing"
+    """What is measured on each switch: the voltage at which it closes when that is raised slowly, its resonance; or
+    only whether and when it touches in a few actuations."""
+    scaled: Scaled = "voltage and time"
+    """What the measurements change of its drive, each as far as they tell: volts as pull-in voltages, times as
+    periods."""
+    pull_in_error: Annotated[float, Field(ge=0, le=0.3)] = 0.01
+    """Relative standard deviation of a measured pull-in voltage."""
+    resonance_error: Annotated[float, Field(ge=0, le=0.3)] = 0.01
+    """Relative standard deviation of a measured resonance."""
+    actuations: Annotated[int, Field(ge=2, le=64, strict=True)] = 10
+    """Contact times: closings and attempts of each switch in all, from which its scales are learned."""
+    contact_time_error_us: Annotated[float, Field(ge=0, le=10)] = 0.1
+    """Contact times: standard deviation of one timed contact [µs]."""
+    bins: Annotated[int, Field(ge=0, le=4096, strict=True)] = 0
+    """Bins of each measured quantity, whose switches share a drive; 0: each switch has its own."""
+    keep_limits: bool = True
+    """Whether every scaled drive keeps waveform.max_volts and waveform.min_rise_us; its scale ends there."""
+
+
 class TrimError(ValueError):
     """A trim or a measured value that cannot be."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scales:
-    """What a drive is multiplied by; (n,) each, or single numbers."""
-
-    voltage: FloatArray
-    """a: the drive's volts are multiplied by it."""
-    time: FloatArray
-    """b: its instants and durations are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +86,7 @@ class Trim:
     """Its plate area [µm²]."""
     measured: Measured = "pull-in and resonance"
     """What is measured: the voltage at which a switch closes when it is raised slowly, its first resonance, or both; or
-    contact times only, from which `softclose.learning` estimates the two."""
+    contact times only, from which `softclose.conditions.learning` estimates the two."""
     pull_in_error: float = 0.01
     """Relative standard deviation of a measured pull-in voltage."""
     resonance_error: float = 0.01
@@ -232,17 +250,6 @@ def normal_quantiles(u: FloatArray) -> FloatArray:
     from scipy.special import ndtri  # here: reading a configuration needs none of it, and it is slow to import
 
     return np.asarray(ndtri(np.clip(u, 1e-12, 1.0 - 1e-12)))
-
-
-def effective(switches: FloatArray, scales: Scales) -> FloatArray:
-    """The switches that, driven by the common waveform, move as these do by their own: (n, 4) D, G, K/a², M/(a b)².
-
-    Their travels are the same at times b as large, their speeds b times as large.
-    """
-    found = np.array(switches[:, :4], dtype=np.float64)
-    found[:, 2] /= scales.voltage**2
-    found[:, 3] /= (scales.voltage * scales.time) ** 2
-    return found
 
 
 def limited(scales: Scales, *, peak_V: float, max_volts: float, shortest_rise_us: float, min_rise_us: float) -> Scales:

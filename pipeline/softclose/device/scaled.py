@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softclose.population.trim import Scales, effective, limited
 from softclose.waveform import Drive, FloatArray, Pulse, Trace, Waveform
 
 if TYPE_CHECKING:
-    from softclose.config import CampaignConfig
-    from softclose.ensemble import Responses
+    from softclose.device.simulate import Responses
 
 Simulate = Callable[..., "Responses"]
 """(switches (n, 4), waveform, horizon_us, times_us) -> responses."""
@@ -22,25 +20,14 @@ _TIMES = ("first_contact_us", "settling_us", "impact_time_us")
 _SPEEDS = ("max_contact_speed", "final_v", "impact_speed", "v")
 
 
-def drive_scales(config: CampaignConfig, lot: FloatArray, waveform: Drive) -> Scales:
-    """The scales of each switch's drive under one waveform; lot: (n, 6)."""
-    return limited_scales(config, Scales(voltage=lot[:, 4], time=lot[:, 5]), waveform)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """What a drive is multiplied by; (n,) each, or single numbers."""
 
-
-def limited_scales(config: CampaignConfig, asked: Scales, waveform: Drive) -> Scales:
-    """What of the scales asked for is given under one waveform: all, unless trim keeps its drive's limits.
-
-    An amplifier's errors know no limits.
-    """
-    if not config.trim.keep_limits or config.trim.measured == "nothing" or isinstance(waveform, Trace):
-        return asked
-    return limited(
-        asked,
-        peak_V=waveform.max_voltage(config.model.horizon_us),
-        max_volts=config.waveform.max_volts,
-        shortest_rise_us=min(p.rise_us for p in waveform.pulses),
-        min_rise_us=config.waveform.min_rise_us,
-    )
+    voltage: FloatArray
+    """a: the drive's volts are multiplied by it."""
+    time: FloatArray
+    """b: its instants and durations are."""
 
 
 def scaled(waveform: Waveform, voltage: float, time: float) -> Waveform:
@@ -48,6 +35,17 @@ def scaled(waveform: Waveform, voltage: float, time: float) -> Waveform:
     return Waveform(
         [Pulse(p.start_us * time, p.rise_us * time, p.peak_us * time, p.volts * voltage) for p in waveform.pulses]
     )
+
+
+def effective(switches: FloatArray, scales: Scales) -> FloatArray:
+    """The switches that, driven by the common waveform, move as these do by their own: (n, 4) D, G, K/a², M/(a b)².
+
+    Their travels are the same at times b as large, their speeds b times as large.
+    """
+    found = np.array(switches[:, :4], dtype=np.float64)
+    found[:, 2] /= scales.voltage**2
+    found[:, 3] /= (scales.voltage * scales.time) ** 2
+    return found
 
 
 def by_equal_switches(simulate: Simulate, switches: FloatArray, waveform: Drive, scales: Scales) -> Responses:

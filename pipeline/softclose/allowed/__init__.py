@@ -1,0 +1,1 @@
+"""What a setting may be: shared types and limits, and what is said of a value that is not allowed."""

@@ -1,0 +1,1 @@
+"""The device models: their protocol, the shipped one, and switches whose drives are scaled."""

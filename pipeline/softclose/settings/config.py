@@ -1,0 +1,437 @@
+"""Owns a campaign's configuration: its sections together, checked before any work starts, a fingerprint out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, Self
+
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic.dataclasses import dataclass
+
+from softclose.allowed.refusal import refusal
+from softclose.allowed.types import (
+    MAX_COUNT,
+    MOST_IN_A_WAVE,
+    SETTINGS,
+)
+from softclose.conditions.amplifier import AmplifierSection
+from softclose.conditions.temperature import TemperatureSection
+from softclose.conditions.trim import Trim, TrimSection
+from softclose.naming import nearest
+from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE
+from softclose.population import Population, load_population
+from softclose.settings.campaign import CampaignSection, PopulationSection, extension_size
+from softclose.settings.errors import ConfigError
+from softclose.settings.model import ModelSection
+from softclose.settings.objective import STEP_VOLTS, ObjectiveSection, ReferenceSection
+from softclose.settings.opening import OpeningSection
+from softclose.settings.overrides import apply, texts
+from softclose.settings.search import ExploreSection, FinishSection, OptimiserSection
+from softclose.settings.storage import AUTO_BLOCK_SWITCHES, AUTO_BLOCKS, MAX_BLOCKS, ComputeSection, StoreSection
+from softclose.settings.waveform import WaveformSection
+from softclose.switch.reduced_order import ReducedOrder, read_reduced_order
+from softclose.waveform import Waveform
+
+WRITTEN_OUT = ("population_model", "reduced_order_model")
+"""What no user writes: files, as they were read."""
+
+AREA_RANGE_UM2 = (1.0, 1e9)
+"""Plates from a micrometre to three centimetres wide [µm²]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class CampaignConfig:
+    """A whole campaign. Build it with `load_config`."""
+
+    campaign: CampaignSection = Field(default_factory=CampaignSection)
+    population: PopulationSection = Field(default_factory=PopulationSection)
+    trim: TrimSection = Field(default_factory=TrimSection)
+    amplifier: AmplifierSection = Field(default_factory=AmplifierSection)
+    temperature: TemperatureSection = Field(default_factory=TemperatureSection)
+    model: ModelSection = Field(default_factory=ModelSection)
+    waveform: WaveformSection = Field(default_factory=WaveformSection)
+    objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
+    opening: OpeningSection = Field(default_factory=OpeningSection)
+    reference: ReferenceSection = Field(default_factory=ReferenceSection)
+    optimiser: OptimiserSection = Field(default_factory=OptimiserSection)
+    explore: ExploreSection = Field(default_factory=ExploreSection)
+    finish: FinishSection = Field(default_factory=FinishSection)
+    compute: ComputeSection = Field(default_factory=ComputeSection)
+    store: StoreSection = Field(default_factory=StoreSection)
+    population_model: dict[str, Any] = Field(default_factory=dict)
+    """The population itself, written out in full, so that a store does not depend on a file elsewhere."""
+    reduced_order_model: dict[str, Any] = Field(default_factory=dict)
+    """The modes of `model.modes`, written out likewise."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.population_model:
+            object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
+        self._check_model()
+        self._check_temperature()
+        self._check_opening()
+        # Written out: a store says which area it was computed with, whatever a later version would choose.
+        area = self.build_population().plate_area(self.model.plate_area_um2 or None)
+        if not AREA_RANGE_UM2[0] <= area <= AREA_RANGE_UM2[1]:
+            raise ValueError(
+                f"model.plate_area_um2 is {area:g}; it must be 0 (that of the population) or from "
+                f"{AREA_RANGE_UM2[0]:g} to {AREA_RANGE_UM2[1]:g} µm²"
+            )
+        object.__setattr__(self, "model", replace(self.model, plate_area_um2=area))
+        step = self.reference.step_volts or min(STEP_VOLTS, self.waveform.max_volts)
+        object.__setattr__(self, "reference", replace(self.reference, step_volts=step))
+        for number, rows in enumerate(self.waveform.initial):
+            try:
+                waveform = Waveform.from_rows(rows)
+                waveform.check(self.waveform.max_volts, self.model.horizon_us, self.waveform.least_rise_us)
+            except ValueError as e:
+                raise ValueError(f"waveform.initial[{number}]: {e}") from e
+        if len(self.waveform.initial) > self.campaign.budget:
+            raise ValueError(
+                f"waveform.initial lists {len(self.waveform.initial)} waveforms, more than campaign.budget "
+                f"{self.campaign.budget}: raise the budget or shorten the list"
+            )
+        if self.waveform.min_rise_us >= self.model.horizon_us:
+            raise ValueError(
+                f"waveform.min_rise_us is {self.waveform.min_rise_us:g}; no pulse would be up before model.horizon_us "
+                f"{self.model.horizon_us:g}: lower it, or raise the horizon"
+            )
+        if self.trim.measured != "nothing" and (self.amplifier.scatters or not self.amplifier.is_ideal):
+            raise ValueError(
+                f"trim.measured is {self.trim.measured!r} and [amplifier] is set: what it delivers of a scaled drive "
+                "is no scaled drive; leave one of them out"
+            )
+        if not self.campaign.budget + self.explore.budget:
+            raise ValueError(
+                "campaign.budget and explore.budget are both 0: there is nothing to evaluate; raise one of them"
+            )
+        if self.finish.grows and self.finish.method != "cmaes":
+            raise ValueError(
+                f"finish.grows is true and finish.method {self.finish.method}, which compares all candidates: "
+                "ensembles of different sizes do not compare; use cmaes, or leave grows out"
+            )
+        x = self.explore
+        largest = math.ceil(x.n_descents / x.turns) * max(x.n_scouts, x.generation)
+        if largest > MOST_IN_A_WAVE:
+            raise ValueError(
+                f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
+                f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
+            )
+        objectives = self.optimiser.objectives
+        if not 2 <= len(objectives) == len({*objectives}):
+            raise ValueError(
+                f"optimiser.objectives is {list(objectives)!r}; it must be two to four different ones of v_u, p_nc, "
+                "closing and peak"
+            )
+        self._check_extensions()
+        self._choose_blocks()
+        n, block = self.n_switches_max, self.compute.block_switches
+        if math.ceil(n / block) > MAX_BLOCKS:
+            raise ValueError(
+                f"compute.block_switches {block} cuts an ensemble of {n} switches into {math.ceil(n / block)} blocks; "
+                f"at most {MAX_BLOCKS} are allowed, so that the number of files stays bounded: "
+                f"use {math.ceil(n / MAX_BLOCKS)} or more, or 0"
+            )
+        return self
+
+    def _check_model(self) -> None:
+        m = self.model
+        if m.name == REDUCED_ORDER:
+            if not self.reduced_order_model:
+                if not m.modes:
+                    raise ValueError("model.name is reduced-order: give model.modes, the TOML file of its modes")
+                modes = read_reduced_order(m.modes).to_dict()
+                object.__setattr__(self, "reduced_order_model", modes)
+            self.build_reduced_order()
+        elif m.modes or self.reduced_order_model:
+            raise ValueError(f"model.modes is {m.modes!r}, and model.name {m.name!r} has none: use reduced-order")
+        losses = m.build_losses()
+        if m.name not in (SINGLE_MODE, REDUCED_ORDER) and not losses.none:
+            raise ValueError(
+                f"model.name {m.name!r} has its own losses: leave quality_factor, film_* and adhesion_uN 0"
+            )
+        if m.name == REDUCED_ORDER and m.quality_factor:
+            raise ValueError("model.quality_factor belongs to single-mode: give each [[mode]] its quality_factor")
+
+    def _check_temperature(self) -> None:
+        t = self.temperature
+        tables = {"stiffness": t.stiffness, "gap_um": t.gap_um, "travel_um": t.travel_um}
+        if not t.low_C <= t.high_C:
+            raise ValueError(f"temperature.low_C is {t.low_C:g} and high_C {t.high_C:g}; it must not be reversed")
+        if not t.celsius:
+            if any(tables.values()) or t.low_C != t.high_C or t.worst_of:
+                raise ValueError("temperature.celsius is missing: give the temperatures of the tables")
+            return
+        if t.worst_of and (t.worst_of == 1 or t.low_C == t.high_C):
+            raise ValueError(
+                f"temperature.worst_of is {t.worst_of} from {t.low_C:g} to {t.high_C:g} °C; it must be 0, or 2 and "
+                "more over a range that is one"
+            )
+        if len(t.celsius) < 2 or list(t.celsius) != sorted(set(t.celsius)):
+            raise ValueError("temperature.celsius must list two or more temperatures, rising")
+        for name, values in tables.items():
+            if values and len(values) != len(t.celsius):
+                raise ValueError(
+                    f"temperature.{name} has {len(values)} entries, temperature.celsius {len(t.celsius)}: give as many"
+                )
+        if not (t.celsius[0] <= t.low_C and t.high_C <= t.celsius[-1]):
+            raise ValueError(
+                f"the range of {t.low_C:g} to {t.high_C:g} °C leaves the tables, which end at {t.celsius[0]:g} and "
+                f"{t.celsius[-1]:g} °C: extend them"
+            )
+        lot = self.build_population()
+        for i, celsius in enumerate(t.celsius):
+            longest = lot.D.upper + (t.travel_um[i] if t.travel_um else 0.0)
+            shortest = lot.D.lower + (t.travel_um[i] if t.travel_um else 0.0)
+            narrowest = lot.G.lower + (t.gap_um[i] if t.gap_um else 0.0)
+            if not 0.0 < shortest <= longest < narrowest:
+                raise ValueError(
+                    f"at {celsius:g} °C travels are {shortest:g} to {longest:g} µm and gaps go down to {narrowest:g} "
+                    "µm; every switch needs 0 < D < G: check temperature.travel_um and gap_um"
+                )
+
+    def _check_opening(self) -> None:
+        release = self.opening.release_us
+        if not release:
+            return
+        if release < self.model.horizon_us:
+            raise ValueError(
+                f"opening.release_us is {release:g}; the closing is judged until model.horizon_us "
+                f"{self.model.horizon_us:g}: let go then or later"
+            )
+        others = {
+            "[trim] scales the drive of each switch": self.trim.measured != "nothing",
+            "amplifier.gain_error and time_error scale the drive of each switch": self.amplifier.scatters,
+            "temperature.worst_of tells of each switch only the worst": self.temperature.worst_of > 0,
+            f"waveform.space {self.waveform.space} lets go by itself": self.waveform.space.endswith("-release"),
+            "the devices themselves are measured": self.model.name == MEASURED,
+        }
+        for why, clashes in others.items():
+            if clashes:
+                raise ValueError(f"opening.release_us is {release:g}, and {why}: leave one of them out")
+
+    def build_reduced_order(self) -> ReducedOrder:
+        """The modes, from their stored description."""
+        return ReducedOrder.from_dict(self.reduced_order_model)
+
+    def _check_extensions(self) -> None:
+        if self.campaign.extensions and self.total_budget > MAX_COUNT:
+            raise ValueError(
+                f"the campaign has {self.total_budget} candidates with its extensions; at most {MAX_COUNT}"
+            )
+        n = self.first_budget
+        for what in self.campaign.extensions:
+            if isinstance(what, tuple) and max(what) >= n:
+                raise ValueError(
+                    f"campaign.extensions computes candidate {max(what)} again, and there are {n} before it"
+                )
+            n += extension_size(what)
+
+    def check_plugins(self) -> None:
+        """Raise EngineError or ModelError where this machine lacks the engine or the device model.
+
+        Apart from reading a configuration: what a store holds can be read anywhere, only proposing and simulating
+        need the plug-ins.
+        """
+        ENGINES.check(self.optimiser.engine)
+        MODELS.check(self.model.name)
+
+    def revised(self, overrides: Iterable[str]) -> CampaignConfig:
+        """The same campaign with other values; what was written out stays.
+
+        Parameters
+        ----------
+        overrides : iterable of str
+            `section.key=value` each.
+
+        Raises
+        ------
+        ConfigError
+            Naming every problem.
+        """
+        data = self.to_dict()
+        for override in texts(overrides):
+            apply(data, override)
+        return validated(data)
+
+    @property
+    def first_budget(self) -> int:
+        """Candidates of all stages but extensions."""
+        return self.campaign.budget + self.explore.budget + self.finish.budget
+
+    @property
+    def total_budget(self) -> int:
+        """Candidates of all stages."""
+        return self.first_budget + sum(map(extension_size, self.campaign.extensions))
+
+    def extended(self, total: int) -> CampaignConfig:
+        """The same campaign with candidates added.
+
+        Parameters
+        ----------
+        total : int
+            Candidates in all.
+
+        Raises
+        ------
+        ConfigError
+            Where it has as many.
+        """
+        if isinstance(total, bool) or not isinstance(total, int):
+            raise ConfigError(f"{total!r} is no number of candidates; give a whole one above {self.total_budget}")
+        if total <= self.total_budget:
+            raise ConfigError(f"the campaign has {self.total_budget} candidates; give a larger total than {total}")
+        return self._with_extension(total - self.total_budget)
+
+    def retried(self, candidates: Sequence[int]) -> CampaignConfig:
+        """The same campaign with earlier candidates to be computed again at its end.
+
+        Parameters
+        ----------
+        candidates : sequence of int
+            Their indices.
+
+        Raises
+        ------
+        ConfigError
+            Where one is no candidate of the campaign.
+        """
+        return self._with_extension(list(candidates))
+
+    def _with_extension(self, what: int | list[int]) -> CampaignConfig:
+        data = self.to_dict()
+        data["campaign"]["extensions"].append(what)
+        return validated(data)
+
+    @property
+    def n_switches_max(self) -> int:
+        """Rows of the stored ensemble: the largest that any candidate uses."""
+        return max(self.population.n_switches, self.finish.n_switches if self.finish.budget else 0)
+
+    @property
+    def block_switches(self) -> int:
+        """Simulated switches per block."""
+        return self.compute.block_switches
+
+    def _choose_blocks(self) -> None:
+        """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""
+        if not self.compute.block_switches:
+            chosen = max(AUTO_BLOCK_SWITCHES, math.ceil(self.n_switches_max / AUTO_BLOCKS))
+            object.__setattr__(self, "compute", replace(self.compute, block_switches=chosen))
+
+    def build_population(self) -> Population:
+        """The population, from its stored description."""
+        return Population.from_dict(self.population_model)
+
+    def build_trim(self) -> Trim | None:
+        """How the drives of the population's switches are scaled; None where one waveform drives them all."""
+        t = self.trim
+        if t.measured == "nothing":
+            return None
+        return Trim(
+            population=self.build_population(),
+            plate_area_um2=self.model.plate_area_um2,
+            measured=t.measured,
+            pull_in_error=t.pull_in_error,
+            resonance_error=t.resonance_error,
+            bins=t.bins,
+            scaled=t.scaled,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON-able values, the inverse of `from_dict`."""
+        dumped: dict[str, Any] = TypeAdapter(CampaignConfig).dump_python(self, mode="json")
+        return dumped
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> CampaignConfig:
+        """Validate plain values; raises ConfigError."""
+        return validated(data)
+
+    def fingerprint(self) -> str:
+        """sha256 of the canonical JSON of everything that decides the content of the store."""
+        return hashlib.sha256(canonical_json(self.to_dict()).encode()).hexdigest()
+
+
+def canonical_json(data: Mapping[str, Any]) -> str:
+    """One text per value: sorted keys, no spaces, shortest floats."""
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+
+
+def known_keys() -> dict[str, tuple[str, ...]]:
+    """Section name -> its keys, for messages and the reference documentation."""
+    sections = {f.name: f.type for f in fields(CampaignConfig) if f.name not in WRITTEN_OUT}
+    by_name = {cls.__name__: cls for cls in _SECTIONS}
+    return {name: tuple(f.name for f in fields(by_name[str(kind)])) for name, kind in sections.items()}
+
+
+_SECTIONS = (
+    CampaignSection,
+    PopulationSection,
+    TrimSection,
+    AmplifierSection,
+    TemperatureSection,
+    ModelSection,
+    WaveformSection,
+    ObjectiveSection,
+    OpeningSection,
+    ReferenceSection,
+    OptimiserSection,
+    ExploreSection,
+    FinishSection,
+    ComputeSection,
+    StoreSection,
+)
+
+
+def validated(data: Mapping[str, Any]) -> CampaignConfig:
+    if not isinstance(data, Mapping):
+        raise ConfigError(f"{data!r} is no configuration; give a mapping of sections")
+    _refuse_unknown(data)
+    try:
+        return TypeAdapter(CampaignConfig).validate_python(dict(data))
+    except ValidationError as e:
+        problems = [_problem(x["loc"], x["type"], x["input"], x["msg"]) for x in e.errors(include_url=False)]
+        raise ConfigError("\n".join(problems)) from e
+
+
+def _problem(place: tuple[int | str, ...], kind: str, got: Any, said: str) -> str:
+    """One problem in this project's words; a check of our own says everything already."""
+    if kind == "value_error":
+        return said.removeprefix("Value error, ")
+    kinds = {f.name: f.type for f in fields(CampaignConfig)}
+    section = next((cls for cls in _SECTIONS if cls.__name__ == kinds[str(place[0])]), None)
+    if section is None or len(place) < 2:
+        return f"{'.'.join(map(str, place))} is {got!r}; it must be a table of keys"
+    return refusal(section, str(place[1]), got, place)
+
+
+def _refuse_unknown(data: Mapping[str, Any]) -> None:
+    known = known_keys()
+    problems = []
+    for section, table in data.items():
+        if section in WRITTEN_OUT:
+            continue
+        if section not in known:
+            problems.append(_unknown("section", section, known))
+        elif not isinstance(table, Mapping):
+            problems.append(f"{section} is {table!r}; it must be a table of keys: {', '.join(known[section])}")
+        else:
+            problems += [
+                _unknown("key", f"{section}.{key}", [f"{s}.{k}" for s, ks in known.items() for k in ks])
+                for key in table
+                if key not in known[section]
+            ]
+    if problems:
+        raise ConfigError("\n".join(problems))
+
+
+def _unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
+    allowed = list(allowed)
+    close = nearest(name, allowed)
+    hint = f"did you mean {close}?" if close else f"known: {', '.join(allowed)}"
+    return f"unknown {kind} {name}; {hint}"

@@ -1,0 +1,59 @@
+"""Owns `[objective]` and `[reference]`: what is minimised, and what results are compared with."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from softclose.allowed.types import (
+    MAX_CM_S,
+    MAX_HORIZON_US,
+    SETTINGS,
+    Probability,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ObjectiveSection:
+    """Eqs. 8-11."""
+
+    form: Literal["penalty", "chance"] = "penalty"
+    """penalty: g = v_u + c1·p_nc (Eq. 10); chance: minimise v_u subject to p_nc <= p_max."""
+    risk: Literal["quantile", "cvar"] = "quantile"
+    """What g is made of: the upper velocity v_u, or the mean V above it (conditional value at risk)."""
+    level: Probability = 0.9
+    """Quantile of V that is v_u."""
+    closed_by_us: Annotated[float, Field(ge=0, le=MAX_HORIZON_US)] = 0.0
+    """A switch counts as closed if it is held in contact from this instant on [µs]; 0: from any instant."""
+    c1_cm_s: Annotated[float, Field(ge=0, le=MAX_CM_S)] = 25.0
+    """Penalty per unit probability of not closing [cm/s]."""
+    p_max: Annotated[float, Field(ge=0, lt=1)] = 0.05
+    """Largest admissible p_nc of the chance-constrained form."""
+    assured: bool = False
+    """chance: the upper end of the interval of p_nc has to keep p_max, not only its estimate: what a search finds then
+    keeps it on other switches too."""
+    chance_penalty_cm_s: Annotated[float, Field(gt=0, le=MAX_CM_S)] = 500.0
+    """chance: penalty per unit by which p_nc passes p_max [cm/s]. It has to outweigh what v_u gains by letting switches
+    stay open: some 25 cm/s per unit where 5 % do, 500 where one in a thousand does."""
+    limits_cm_s: tuple[Annotated[float, Field(gt=0, le=MAX_CM_S)], ...] = (19.7,)
+    """Contact speeds for which P(V > limit) is reported [cm/s]."""
+    min_contact: Annotated[float, Field(ge=0, le=1)] = 0.1
+    """Below this fraction of switches in contact v_u is undefined."""
+    undefined_v_u_cm_s: Annotated[float, Field(gt=0, le=MAX_CM_S)] = 60.0
+    """What an undefined v_u counts as in g [cm/s]."""
+    confidence: Probability = 0.95
+    """Confidence of every interval."""
+
+
+STEP_VOLTS = 100.0
+"""The published study's unshaped step [V]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
+class ReferenceSection:
+    """The designs that every result is compared with."""
+
+    step_volts: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    """Voltage of the unshaped step [V]; 0: 100 V, or waveform.max_volts where that is less."""
