@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from softclose.waveform import Waveform
+from softclose.switch.reduced_order import ReducedOrder
+from softclose.waveform import Drive
 
 EPS0 = 8.8541878128e-12
 
@@ -36,8 +37,12 @@ class ModalSwitch:
     """Stiffness, exponent and loss of a compliant contact."""
     impacts: list[tuple[float, float]] = field(default_factory=list)
     final: float = math.nan
+    ending: str = ""
+    """Of `follow`: held, free or collapsed."""
+    ended_us: float = math.nan
+    """When it collapsed, or the horizon."""
 
-    def run(self, waveform: Waveform, until_us: float, *, least_speed: float = 1e-3) -> ModalSwitch:
+    def run(self, waveform: Drive, until_us: float, *, least_speed: float = 1e-3) -> ModalSwitch:
         """Fly from rest until the time, or a rebound below the least speed: what is chatter is not compared."""
         n = len(self.masses)
 
@@ -83,3 +88,89 @@ class ModalSwitch:
                     y[:n] -= inverse * (self.contact @ y[:n] - self.D) / (self.contact @ inverse) * 1.0000001
         self.final = float(self.contact @ y[:n])
         return self
+
+    def follow(self, waveform: Drive, until_us: float, *, v_stick: float = 1e-5) -> ModalSwitch:
+        """The whole life on a rigid contact: chatter, holding, letting go, and the electrode's collapse.
+
+        In contact the constraint phi q = D has the force that makes phi q'' vanish; it only presses.
+        """
+        n = len(self.masses)
+        inverse = self.contact / self.masses
+        weight = float(self.contact @ inverse)
+        closest = self.G - 1e-3 * (self.G - self.electrode[0] / self.contact[0] * self.D)
+
+        def accelerations(t: float, y: np.ndarray) -> np.ndarray:
+            q, p = y[:n], y[n:]
+            left = self.G - self.electrode @ q
+            u = float(waveform.voltage(np.array([t]))[0])
+            pull = 0.5e3 * EPS0 * self.area_um2 * (u / left) ** 2 - self.film * (self.electrode @ p) / left**3
+            return np.asarray((self.electrode * pull - self.stiffnesses * q) / self.masses - self.rates * p)
+
+        def slope(t: float, y: np.ndarray, held: bool) -> np.ndarray:
+            a = accelerations(t, y)
+            if held:
+                a = a - inverse * float(self.contact @ a) / weight
+            return np.concatenate([y[n:], a])
+
+        def meets(t: float, y: np.ndarray, _held: bool) -> float:
+            return float(self.contact @ y[:n]) - self.D
+
+        def presses(t: float, y: np.ndarray, _held: bool) -> float:
+            return float(self.contact @ accelerations(t, y))
+
+        def collapses(t: float, y: np.ndarray, _held: bool) -> float:
+            return float(self.electrode @ y[:n]) - closest
+
+        for event, direction in ((meets, 1.0), (presses, -1.0), (collapses, 1.0)):
+            event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
+        knots = [0.0, *(k for k in waveform.breakpoints(until_us) if 0.0 < k < until_us), until_us]
+        y, held = np.zeros(2 * n), False
+        for begin, end in itertools.pairwise(knots):
+            t = begin
+            while t < end:
+                if held and presses(t, y, held) < 0.0:
+                    held = False
+                events = (presses if held else meets, collapses)
+                found = solve_ivp(
+                    slope, (t, end), y, "DOP853", events=events, rtol=1e-11, atol=1e-13, max_step=0.5, args=(held,)
+                )
+                t, y = float(found.t[-1]), found.y[:, -1].copy()
+                if found.status != 1:
+                    continue
+                if found.t_events[1].size:
+                    self.ending, self.ended_us = "collapsed", t
+                    return self
+                if held:
+                    held = False
+                    y[:n] -= inverse * (self.contact @ y[:n] - self.D) / weight
+                    y[n:] -= inverse * (self.contact @ y[n:]) / weight
+                    y[:n] -= inverse * 1e-11 / weight
+                    continue
+                speed = float(self.contact @ y[n:])
+                self.impacts.append((t, speed))
+                held = self.restitution * speed < v_stick and presses(t, y, True) >= 0.0
+                y[n:] -= inverse * (1.0 + (0.0 if held else self.restitution)) * speed / weight
+                y[:n] -= inverse * (self.contact @ y[:n] - self.D) / weight
+                if not held:  # a little off the contact, so that the flight's end is its only crossing
+                    y[:n] -= inverse * 1e-11 / weight
+        self.ending, self.ended_us, self.final = "held" if held else "free", until_us, float(self.contact @ y[:n])
+        return self
+
+
+def oracle(modes: ReducedOrder, switch: np.ndarray, **others: object) -> ModalSwitch:
+    """The same switch, its modes scaled so that the first has K and M where it moves the contact by 1."""
+    d, g, k, m = switch
+    first = modes.mode[0]
+    scale = m / (first.mass_ug / first.contact**2)
+    masses = np.array([mode.mass_ug * scale for mode in modes.mode])
+    omega = np.sqrt(1e-3 * k / m) * np.array([mode.frequency_kHz / first.frequency_kHz for mode in modes.mode])
+    return ModalSwitch(
+        D=d,
+        G=g,
+        masses=masses,
+        stiffnesses=masses * omega**2,
+        rates=omega * np.array([1.0 / mode.quality_factor if mode.quality_factor else 0.0 for mode in modes.mode]),
+        contact=np.array([mode.contact for mode in modes.mode]),
+        electrode=np.array([mode.electrode for mode in modes.mode]),
+        **others,  # type: ignore[arg-type]
+    )

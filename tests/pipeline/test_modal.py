@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.sparse import diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
-from modal_reference import EPS0, ModalSwitch
+from modal_reference import EPS0, oracle
 from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, read_reduced_order, simulate
 from softclose.device.simulate import SimulationError
 from softclose.kernel.dispatch import ONE_MODE
@@ -27,25 +27,6 @@ TWO = (
     Mode(frequency_kHz=20.0, mass_ug=3.4, quality_factor=40.0, contact=2.0, electrode=1.8),
     Mode(frequency_kHz=70.0, mass_ug=1.0, quality_factor=25.0, contact=-0.3, electrode=0.15),
 )
-
-
-def oracle(modes: ReducedOrder, switch: np.ndarray, **others: object) -> ModalSwitch:
-    """The same switch, its modes scaled so that the first has K and M where it moves the contact by 1."""
-    d, g, k, m = switch
-    first = modes.mode[0]
-    scale = m / (first.mass_ug / first.contact**2)
-    masses = np.array([mode.mass_ug * scale for mode in modes.mode])
-    omega = np.sqrt(1e-3 * k / m) * np.array([mode.frequency_kHz / first.frequency_kHz for mode in modes.mode])
-    return ModalSwitch(
-        D=d,
-        G=g,
-        masses=masses,
-        stiffnesses=masses * omega**2,
-        rates=omega * np.array([1.0 / mode.quality_factor if mode.quality_factor else 0.0 for mode in modes.mode]),
-        contact=np.array([mode.contact for mode in modes.mode]),
-        electrode=np.array([mode.electrode for mode in modes.mode]),
-        **others,  # type: ignore[arg-type]
-    )
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)
@@ -172,7 +153,11 @@ def test_a_capacitance_of_parallel_plates_is_parallel_plates(polynomial: bool) -
     x = np.linspace(-3.0, 3.0, 241)  # a switch swings below its rest
     if polynomial:
         powers = range(60)
-        c = Capacitance(gap_um=gap, polynomial_fF=tuple(1e9 * EPS0 * AREA / gap ** (j + 1) for j in powers))
+        c = Capacitance(
+            gap_um=gap,
+            polynomial_fF=tuple(1e9 * EPS0 * AREA / gap ** (j + 1) for j in powers),
+            valid_um=(-3.0, 3.0),
+        )
     else:
         c = Capacitance(
             gap_um=gap, travel_um=tuple(x.tolist()), capacitance_fF=tuple((1e9 * EPS0 * AREA / (gap - x)).tolist())
@@ -252,6 +237,10 @@ def test_the_film_of_a_rectangle_solves_reynolds_equation() -> None:
         ("[[mode]]\nfrequency_kHz = true", "finite number"),
         ("[[mode]]\nfrequency_kHz = 20\n[capacitance]\ngap_um = 4", "either polynomial_fF"),
         ("[[mode]]\nfrequency_kHz = 20\n[capacitance]\ngap_um = 4\npolynomial_fF = [40, -3]", "capacitance falls"),
+        (
+            "[[mode]]\nfrequency_kHz = 20\n[capacitance]\ngap_um = 4\npolynomial_fF = [40, 3]\nvalid_um = [1, 3]",
+            "from rest \\(0\\) or before",
+        ),
         ("[[mode]]\nfrequency_kHz = 20\n[contact]\nstiffness_N_per_m = 0", "stiffness_N_per_m is 0"),
         ("[[mode", "not valid TOML"),
     ],

@@ -35,12 +35,28 @@ class Status(enum.IntEnum):
     OK = 0
     """Reached the horizon."""
     WORK_LIMIT = 1
-    """Gave up after `max_steps` steps; what was found until then is reported, `closed` is False."""
+    """Gave up after `max_steps` steps."""
+    COLLAPSED = 2
+    """The electrode reached its counter-electrode, before the contact or behind it: nothing holds it off there."""
+    LEFT_TABLE = 3
+    """The electrode left the range of its table of capacitance, below or above."""
+
+
+STATUS_WORDS = {
+    Status.WORK_LIMIT: "took too many steps",
+    Status.COLLAPSED: "collapsed onto the electrode",
+    Status.LEFT_TABLE: "left the table of capacitance",
+}
+"""What is said of switches that ended so: "3 switches collapsed onto the electrode"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Responses:
-    """What every switch of an ensemble did under one waveform, in the order of the input."""
+    """What every switch of an ensemble did under one waveform, in the order of the input.
+
+    Of a switch whose `status` is not OK nothing is told, whichever model integrated it: not closed, no impacts, and NaN
+    for every other number (`x` and `v` stand as far as they were integrated). Nothing behind needs a mask of its own.
+    """
 
     max_contact_speed: FloatArray
     """(n,) V of Eq. 7, largest speed just before an impact [µm/µs]; NaN where the switch never touched."""
@@ -71,6 +87,17 @@ class Responses:
     v: NDArray[Any] | None = None
     """(n, n_time) velocity [µm/µs]; just before the impact where an instant is exactly one."""
 
+    def __post_init__(self) -> None:
+        failed = np.asarray(self.status) != Status.OK
+        if not failed.any():
+            return
+        for name, void in _UNTOLD.items():
+            values = getattr(self, name)
+            if values is not None:
+                array = np.array(values)
+                array[failed] = void
+                object.__setattr__(self, name, array)
+
     def to_xarray(self) -> xr.Dataset:
         """The same, labelled: dimensions switch, impact and time, each variable with its unit and what it is."""
         import xarray as xr
@@ -84,6 +111,20 @@ class Responses:
         return xr.Dataset(found, coords=time)
 
 
+_UNTOLD: dict[str, Any] = {
+    "max_contact_speed": math.nan,
+    "first_contact_us": math.nan,
+    "closed": False,
+    "settling_us": math.nan,
+    "n_impacts": 0,
+    "final_x": math.nan,
+    "final_v": math.nan,
+    "impact_time_us": math.nan,
+    "impact_speed": math.nan,
+    "mode_peak_um": math.nan,
+}
+"""Variable -> what stands in it for a switch that was not integrated to the horizon."""
+
 _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "max_contact_speed": ((), "µm/µs", "largest speed just before an impact"),
     "first_contact_us": ((), "µs", "first impact"),
@@ -92,7 +133,7 @@ _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "n_impacts": ((), "1", "impacts within the horizon"),
     "final_x": ((), "µm", "travel at the horizon"),
     "final_v": ((), "µm/µs", "velocity at the horizon"),
-    "status": ((), "1", "outcome of the integration; 0: ok"),
+    "status": ((), "1", "outcome of the integration; 0: ok, 1: too many steps, 2: collapsed, 3: left its table"),
     "impact_time_us": (("impact",), "µs", "instants of the first impacts"),
     "impact_speed": (("impact",), "µm/µs", "speeds just before them"),
     "mode_peak_um": (("mode",), "µm", "largest displacement by each mode until the first impact"),

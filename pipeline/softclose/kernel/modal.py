@@ -5,6 +5,10 @@ x_e = sum psi_i q_i and the contact at x_c = sum phi_i q_i. F_e is the electrost
 and F_c that of the contact. Dormand and Prince's 8(5,3) pair with Hairer's dense output of order 7; its coefficients
 are scipy's.
 
+A rigid contact is the constraint x_c <= D. An impact is an impulse along phi that turns x_c' into -e x_c'; a switch is
+held where the rebound is slower than v_stick and the constraint's force presses, and let go when that force pulls more
+than the adhesion. The electrode is free behind the contact: it may go on to its counter-electrode (COLLAPSED).
+
 Units: µm, µs, µg, hence forces in mN. One switch at a time, as in the other kernels: a row depends on nothing else.
 """
 
@@ -26,6 +30,9 @@ from softclose.kernel.source import UNCOUNTED, fingerprint
 FREE, HELD, TOUCHING = 0, 1, 2
 """Away from the contact; held in a rigid one; within a compliant one."""
 
+WORK_LIMIT, COLLAPSED, LEFT_TABLE = 1, 2, 3
+"""`softclose.device.simulate.Status`: why a trajectory ended before the horizon."""
+
 A = np.zeros((16, 16))
 A[:12, :12] = DOP853.A
 A[12, :12] = DOP853.B
@@ -38,6 +45,13 @@ FIRST = np.concatenate([[0], np.cumsum((A != 0.0).sum(axis=1))])
 WHICH, WEIGHT = np.ascontiguousarray(np.nonzero(A)[1]), A[A != 0.0]
 
 _MIN_STEP_US = 1e-9
+_RELEASE_STEP_US = 0.5
+_JUMP = 1e-6
+"""Voltage [V] above which two pieces of a drive do not join: a step that is asked for, no rounding."""
+_REST = 1e-12
+"""Speed [µm/µs] that rounding leaves of a switch at rest on its contact: no impact once it has touched."""
+_COLLAPSED_AT = 1e-3
+"""Part of the gap that mode 1 leaves at contact; where no more is left, nothing stops the electrode."""
 _LOOKS = 8
 """Points within a step at which contacts are looked for: a step is a quarter of the fastest mode's period or less."""
 
@@ -48,7 +62,7 @@ def _electrostatic(u, x, gap, half_area, knots, slopes, shrink):  # type: ignore
     if knots.shape[0] == 0:
         pull = u / (gap - x)
         return half_area * pull * pull
-    s = min(x * shrink, knots[-1])  # below rest the first cell goes on
+    s = min(x * shrink, knots[-1])  # a trial step may ask beyond either end; an accepted one ends there
     lo, hi = 0, knots.shape[0] - 1
     while hi - lo > 1:
         middle = (lo + hi) // 2
@@ -115,6 +129,20 @@ def _dense(f, start, theta):  # type: ignore[no-untyped-def]
     return y + start
 
 
+@njit(error_model="numpy", forceinline=True)
+def _extremes(x0, v0, x1, v1, h):  # type: ignore[no-untyped-def]
+    """Smallest and largest x of the cubic through both ends of a step, with their slopes."""
+    low, high = min(x0, x1), max(x0, x1)
+    if v0 * v1 < 0.0:  # one turning point, which the cubic has in closed form: x' = v0 + 2 b s + 3 c s², s in (0, 1)
+        d = x1 - x0
+        b, c = 3.0 * d - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * d
+        root = math.sqrt(max(b * b - 3.0 * c * h * v0, 0.0))
+        s = -h * v0 / (b + root) if v0 < 0.0 else h * v0 / (root - b)
+        x = x0 + s * (h * v0 + s * (b + s * c))
+        low, high = min(low, x), max(high, x)
+    return low, high
+
+
 @njit(error_model="numpy")
 def _first_root(fx, x0, fv, v0, travel, way):  # type: ignore[no-untyped-def]
     """First theta in (0, 1] at which x comes to the travel, on the dense output of x and v; -1 where it does not.
@@ -174,7 +202,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     fv,
 ):
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows."""
-    travel, gap, _half_area, _film, adhesion, modes, contact, _knots, _slopes_of, _shrink = switch
+    travel, gap, _half_area, _film, adhesion, modes, contact, knots, _slopes_of, shrink = switch
     n2 = 2 * n
     compliant = contact[0] > 0.0
     fastest = 0.0
@@ -188,30 +216,40 @@ def _run_switch(  # type: ignore[no-untyped-def]
     y[:] = 0.0
     v_max, first, settled = math.nan, math.inf, math.inf
     state, launched = FREE, False
-    n_impacts, n_steps, i_time = 0, 0, 0
+    n_impacts, n_steps, i_time, status = 0, 0, 0, 0
     n_times = times.shape[0]
+    closest = gap - _COLLAPSED_AT * (gap - modes[0, 4] * travel)
+    lowest, highest = -math.inf, math.inf
+    if knots.shape[0] > 0:
+        lowest, highest = knots[0] / shrink, knots[-1] / shrink
     h, known, pushed = 0.1, False, 0.0
     for piece in range(pieces.shape[0]):
         t, end = pieces[piece, 0], pieces[piece, 1]
-        while t < end:
+        if piece > 0:
+            before = voltage(pieces, n_ramps, ramps, piece - 1, t)
+            known = known and abs(voltage(pieces, n_ramps, ramps, piece, t) - before) <= _JUMP
+        while t < end and status == 0:
             n_steps += 1
             if n_steps > max_steps:
-                x_out[i_time:] = math.nan
-                v_out[i_time:] = math.nan
-                return v_max, first, math.inf, n_impacts, math.nan, math.nan, False, 1
+                status = WORK_LIMIT
+                break
             if not known:
                 u = voltage(pieces, n_ramps, ramps, piece, t)
                 pushed = _slopes(K[0], y, u, state, n, switch)
                 known = True
             if state == HELD and pushed < -adhesion:
                 state, launched, settled, known = FREE, True, math.inf, False
-                h = min(h, 0.5)
+                h = _RELEASE_STEP_US  # what the search for this instant left of the step is below rounding
                 continue
-            x0 = v0 = a0 = 0.0
+            x0 = v0 = a0 = xe0 = ve0 = 0.0
             for i in range(n):
                 x0 += modes[i, 3] * y[i]
                 v0 += modes[i, 3] * y[n + i]
                 a0 += modes[i, 3] * K[0, n + i]
+                xe0 += modes[i, 4] * y[i]
+                ve0 += modes[i, 4] * y[n + i]
+            if launched and state == FREE:
+                v0 = min(v0, 0.0)  # let go at rest: a rounding inwards is no motion, and its return no impact
             h = min(h, longest)
             if state == TOUCHING:
                 h = min(h, 0.5 / math.sqrt(contact[0] * mobility + fastest * fastest))
@@ -238,14 +276,18 @@ def _run_switch(  # type: ignore[no-untyped-def]
             error = 0.0
             if five > 0.0:
                 error = hs * five / math.sqrt((five + 0.01 * three) * n2)
-            xe = 0.0
+            xe = ve = 0.0
             for i in range(n):
                 xe += modes[i, 4] * work[i]
+                ve += modes[i, 4] * work[n + i]
             inside = xe < gap and not math.isnan(error)
             if hs > _MIN_STEP_US and (error > 1.0 or not inside or (state == HELD and tension)):
                 factor = 0.5 if inside and error <= 1.0 else (max(0.2, 0.9 * error**-0.125) if inside else 0.2)
                 h = hs * factor
                 continue
+            if not inside:
+                status = COLLAPSED
+                break
             grown = hs * min(5.0, 0.9 * max(error, 1e-10) ** -0.125)
             x1 = v1 = a1 = 0.0
             for i in range(n):
@@ -292,6 +334,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 pushed = pressed
                 t = t_next
                 h = grown
+                if xe >= closest:
+                    status = COLLAPSED
+                if knots.shape[0] > 0:
+                    low, high = _extremes(xe0, ve0, xe, ve, hs)
+                    if low < lowest or high > highest:
+                        status = LEFT_TABLE
                 if n_impacts == 0:
                     for i in range(n):
                         peaks[i] = max(peaks[i], abs(modes[i, 3] * y[i]))
@@ -325,12 +373,15 @@ def _run_switch(  # type: ignore[no-untyped-def]
             speed = max(vc, 0.0)
             if n_impacts == 0:
                 first, v_max = t, speed
-            v_max = max(v_max, speed)
-            if n_impacts < impact_time.shape[0]:
-                impact_time[n_impacts] = t
-                impact_speed[n_impacts] = speed
-            n_impacts += 1
             h = min(h, hs)
+            if n_impacts == 0 or speed > _REST:
+                v_max = max(v_max, speed)
+                if n_impacts < impact_time.shape[0]:
+                    impact_time[n_impacts] = t
+                    impact_speed[n_impacts] = speed
+                n_impacts += 1
+            else:
+                h = _RELEASE_STEP_US
             if compliant:
                 state, settled = TOUCHING, t
                 continue
@@ -344,15 +395,19 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 y[n + i] -= modes[i, 3] / modes[i, 0] * impulse
             if stays:
                 state, launched, settled = HELD, False, t
+        if status != 0:
+            break
     x = v = 0.0
     for i in range(n):
         x += modes[i, 3] * y[i]
         v += modes[i, 3] * y[n + i]
+    if status != 0:
+        x, v, state = math.nan, math.nan, FREE
     while i_time < n_times:
         x_out[i_time] = x
         v_out[i_time] = v
         i_time += 1
-    return v_max, first, settled, n_impacts, x, v, state != FREE, 0
+    return v_max, first, settled, n_impacts, x, v, state != FREE, status
 
 
 def _build(source: int, n_modes: int) -> Callable[..., None]:

@@ -59,6 +59,8 @@ class Capacitance:
     """Gap of that device [µm]: other gaps are scaled from it."""
     polynomial_fF: tuple[float, ...] = ()
     """Coefficients of 1, x, x², ... [fF, fF/µm, ...]."""
+    valid_um: tuple[float, ...] = ()
+    """Displacements from and to which the polynomial holds [µm]; (): from rest to 0.999 of the gap."""
     travel_um: tuple[float, ...] = ()
     """Displacements of a table [µm], rising; a cubic spline joins them."""
     capacitance_fF: tuple[float, ...] = ()
@@ -67,16 +69,26 @@ class Capacitance:
     def slope(self) -> tuple[FloatArray, FloatArray]:
         """dC/dx as a piecewise polynomial: knots (k + 1,) [µm], coefficients (degree + 1, k), highest power first.
 
-        Each cell's is about its lower knot; one cell's alone about 0.
+        Each cell's is about its lower knot; one cell's alone about 0. It may be asked between the first and the last
+        knot: a switch whose electrode leaves them ends with the status LEFT_TABLE.
         """
         if self.polynomial_fF:
             derivative = [j * c for j, c in enumerate(self.polynomial_fF)][1:]
-            reach = 0.999 * self.gap_um
-            return np.array([-reach, reach]), np.array(derivative[::-1])[:, None]
+            return np.array(self.valid_um or (0.0, 0.999 * self.gap_um)), np.array(derivative[::-1])[:, None]
         from scipy.interpolate import CubicSpline
 
         spline = CubicSpline(self.travel_um, self.capacitance_fF).derivative()
         return np.asarray(spline.x), np.ascontiguousarray(spline.c)
+
+    def slope_at(self, x: FloatArray) -> FloatArray:
+        """dC/dx [fF/µm] at displacements x [µm] of the nominal device, any shape; NaN where it may not be asked."""
+        knots, slopes = self.slope()
+        cell = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, slopes.shape[1] - 1)
+        s = x if self.polynomial_fF else x - knots[cell]
+        value = np.zeros(np.shape(x))
+        for row in slopes:
+            value = value * s + row[cell]
+        return np.where((x >= knots[0]) & (x <= knots[-1]), value, math.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,12 +242,15 @@ def _check_capacitance(c: Capacitance) -> None:
                 f"{where}travel_um runs from {c.travel_um[0]:g} to {c.travel_um[-1]:g} µm; it must begin at rest (0) "
                 f"or before, and end within the gap of {c.gap_um:g} µm"
             )
-    knots, slopes = c.slope()
-    inside = np.linspace(0.0, 0.5 * c.gap_um if c.polynomial_fF else knots[-1], 200)[:-1]
-    cell = np.searchsorted(knots, inside, side="right") - 1
-    origin = np.zeros(inside.size) if c.polynomial_fF else knots[cell]
-    values = np.array([np.polyval(slopes[:, k], s) for k, s in zip(cell, inside - origin, strict=True)])
-    if not (values > 0.0).all():
+    if c.valid_um and not c.polynomial_fF:
+        raise ReducedOrderError(f"{where}valid_um belongs to polynomial_fF; a table holds from first to last entry")
+    if c.valid_um and not (len(c.valid_um) == 2 and c.valid_um[0] <= 0.0 < c.valid_um[1] < c.gap_um):
+        raise ReducedOrderError(
+            f"{where}valid_um is {list(c.valid_um)}; it must be two displacements, from rest (0) or before to within "
+            f"the gap of {c.gap_um:g} µm"
+        )
+    far = 0.5 * c.gap_um if c.polynomial_fF and not c.valid_um else c.slope()[0][-1]
+    if not (c.slope_at(np.linspace(0.0, far, 200)[:-1]) > 0.0).all():
         raise ReducedOrderError(
             f"{where}the capacitance falls somewhere between rest and contact, so that a voltage would open the "
             "switch: check the sign of the travel, and noise of the table"

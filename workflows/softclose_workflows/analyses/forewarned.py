@@ -6,6 +6,7 @@ import numpy as np
 
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.settings import CampaignConfig
+from softclose.switch.collapse import collapse_voltage
 from softclose.switch.plate import closing_voltage
 from softclose.waveform import MIN_RISE_US
 
@@ -16,7 +17,7 @@ _N = 4096
 def forewarnings(config: CampaignConfig) -> list[str]:
     """One sentence for each thing that a person should know before the campaign runs."""
     if config.model.name == REDUCED_ORDER:
-        return _ringing(config)
+        return [*_ringing(config), *_collapse(config), *_table(config)]
     if config.model.name != SINGLE_MODE:
         return []  # pull-in is a notion of Eqs. 1-3; another model may have none
     return [*_fast_edges(config.waveform.min_rise_us), *_low_limit(config)]
@@ -39,6 +40,37 @@ def _ringing(config: CampaignConfig) -> list[str]:
     return [
         f"waveform.min_rise_us is {rise:g} µs: only from {least:.3g} µs on an edge leaves at most a tenth of a step's "
         "ringing in the second mode; the search sees that mode, so a shorter one is no mistake"
+    ]
+
+
+def _collapse(config: CampaignConfig) -> list[str]:
+    limit = config.waveform.max_volts
+    switches = config.build_population().sample(_N, seed=0, sampling="sobol")
+    volts = collapse_voltage(switches, config.build_reduced_order(), config.model.plate_area_um2)
+    share = float((volts < limit).mean())
+    if share == 0.0:
+        return []
+    return [
+        f"waveform.max_volts is {limit:g} V, and a closed switch of {_percent(share)} of the lot is pulled on, behind "
+        f"its contact, until its electrode collapses, from {volts.min():.1f} V on (median {np.median(volts):.1f} V): "
+        "such switches end with the status 2; hold lower, or check contact and electrode of the modes"
+    ]
+
+
+def _table(config: CampaignConfig) -> list[str]:
+    modes = config.build_reduced_order()
+    if modes.capacitance is None:
+        return []
+    switches = config.build_population().sample(_N, seed=0, sampling="sobol")
+    unit = modes.mode[0].electrode / modes.mode[0].contact
+    deepest = float((unit * switches[:, 0] / switches[:, 1]).max()) * modes.capacitance.gap_um
+    begins = float(modes.capacitance.slope()[0][0])
+    if begins <= -deepest:
+        return []
+    key = "valid_um" if modes.capacitance.polynomial_fF else "travel_um"
+    return [
+        f"the capacitance is known from {begins:g} µm on ([capacitance] {key}), and a switch that is let go swings "
+        f"back to {-deepest:.3g} µm: switches that leave it end with the status 3; give it from there on"
     ]
 
 
