@@ -79,7 +79,7 @@ class Responses:
     impact_speed: FloatArray | None = None
     """(n, max_impacts) their speeds just before contact [µm/µs], padded with NaN."""
     mode_peak_um: FloatArray | None = None
-    """(n, n_modes) largest displacement of the contact by each mode until the first impact [µm]; None of Eqs. 1-2."""
+    """(n, n_modes) largest displacement of the contact by each mode until the first impact [µm]; None without modes."""
     times_us: FloatArray | None = None
     """(n_time,) instants of x and v [µs]."""
     x: NDArray[Any] | None = None
@@ -148,7 +148,7 @@ def simulate(
     waveform: Waveform | Trace,
     *,
     horizon_us: float = 250.0,
-    restitution: float = 0.5,
+    restitution: float | FloatArray = 0.5,
     plate_area_um2: float = 16700.0,
     rtol: float = 1e-9,
     times_us: ArrayLike | None = None,
@@ -175,8 +175,8 @@ def simulate(
         The drive voltage. A trace takes a step for each of its samples (`Trace.simplified`).
     horizon_us : float
         End of the simulation [µs].
-    restitution : float
-        Speed after an impact over speed before it, in [0, 1].
+    restitution : float or (n,) ndarray
+        Speed after an impact over speed before it, in [0, 1]; an array has one entry a switch.
     plate_area_um2 : float
         Plate area A of Eq. 1 [µm²].
     rtol : float
@@ -198,7 +198,8 @@ def simulate(
     max_steps : int
         Work limit per switch.
     losses : Losses, optional
-        Damping, film of gas and adhesion. Any of them is integrated by the method of several modes, whatever `method`.
+        Damping, film of gas and adhesion, the same for all switches or one entry each. The twin with losses is the
+        Runge-Kutta method of several modes.
     modes : ReducedOrder, optional
         The modes of the switch: K and M are those of the first, with the others in proportion.
 
@@ -216,7 +217,7 @@ def simulate(
     """
     table = _check_switches(switches)
     horizon = _number("horizon_us", horizon_us, low=0.0, high=1e6, unit=" µs")
-    eta = _number("restitution", restitution, low=0.0, high=1.0)
+    eta = _restitution(restitution, len(table))
     area = _number("plate_area_um2", plate_area_um2, low=0.0, high=math.inf, unit=" µm²")
     stick = _number("v_stick", v_stick, low=0.0, high=math.inf, unit=" µm/µs")
     tolerance = _number("rtol", rtol, low=0.0, high=RTOL_RANGE[1])
@@ -235,6 +236,8 @@ def simulate(
     n_events = _count("max_impacts", max_impacts, 0)
     if losses is not None and not isinstance(losses, Losses):
         raise SimulationError(f"losses is a {type(losses).__name__}; it must be a softclose.Losses")
+    if losses is not None:
+        losses.check_rows(len(table))
     if modes is not None and not isinstance(modes, ReducedOrder):
         raise SimulationError(f"modes is a {type(modes).__name__}; it must be a softclose.ReducedOrder")
     if modes is not None:
@@ -347,6 +350,20 @@ def _number(name: str, value: float, *, low: float, high: float, unit: str = "")
         allowed = f"above {low:g}{unit}" + (f" and at most {high:g}{unit}" if math.isfinite(high) else " and finite")
         raise SimulationError(f"{name} is {number:g}{unit}; it must be {allowed}")
     return number
+
+
+def _restitution(value: float | FloatArray, n: int) -> float | FloatArray:
+    """One number, or one of each switch."""
+    if not isinstance(value, np.ndarray):
+        return _number("restitution", value, low=0.0, high=1.0)
+    if value.shape != (n,) or value.dtype.kind not in "fiu":
+        raise SimulationError(
+            f"restitution has shape {value.shape} and type {value.dtype}; it must be a number or ({n},), one a switch"
+        )
+    bad = np.flatnonzero(~((value > 0.0) & (value <= 1.0)))
+    if bad.size:
+        raise SimulationError(f"restitution of switch {bad[0]} is {value[bad[0]]:g}; it must be above 0 and at most 1")
+    return value.astype(np.float64)
 
 
 def _count(name: str, value: int, low: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from softclose.kernel import pieces as drive_pieces
 from softclose.kernel import rk, taylor
+from softclose.kernel.bounces import MAX_RETURNS
 from softclose.switch.losses import Losses
 from softclose.switch.plate import EPSILON_0
 from softclose.switch.reduced_order import Mode, ReducedOrder
@@ -50,6 +52,17 @@ def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
     return out
 
 
+def columns(switches: FloatArray, plate_area_um2: float, restitution: float | FloatArray, losses: Losses) -> FloatArray:
+    """(n, 8): `devices`, restitution, and per mass the damping rate [1/µs], film [µm³/µs] and adhesion [µm/µs²]."""
+    out = np.empty((len(switches), 8))
+    out[:, :4] = devices(switches, plate_area_um2)
+    out[:, 4] = restitution
+    out[:, 5] = np.sqrt(out[:, 3]) * losses.damping_ratio
+    out[:, 6] = losses.film(plate_area_um2) / switches[:, 3]
+    out[:, 7] = 1e-3 * losses.adhesion_uN / switches[:, 3]
+    return out
+
+
 ONE_MODE = ReducedOrder(mode=(Mode(frequency_kHz=20.0),))
 """Eqs. 1-2: a lot's K and M say everything of one mode."""
 
@@ -57,7 +70,7 @@ ONE_MODE = ReducedOrder(mode=(Mode(frequency_kHz=20.0),))
 def _modal_inputs(
     switches: FloatArray, plate_area_um2: float, losses: Losses, modes: ReducedOrder
 ) -> tuple[FloatArray, ...]:
-    """Devices, ratios, contact, knots and slopes of `modal.run_block`."""
+    """Devices, contact, knots and slopes of `modal.run_block`."""
     table = np.empty((len(switches), 8))
     table[:, :2] = switches[:, :2]
     table[:, 2] = 0.5e3 * EPSILON_0 * plate_area_um2
@@ -66,13 +79,10 @@ def _modal_inputs(
     table[:, 5] = switches[:, 3]
     table[:, 6] = 1e-3 * switches[:, 2]
     table[:, 7] = modes.capacitance.gap_um / switches[:, 1] if modes.capacitance else 1.0
-    ratios = modes.ratios()
-    if losses.quality_factor:
-        ratios[:, 2] = 1.0 / losses.quality_factor
     c = modes.contact  # (3,) stiffness [mN/µm^exponent], exponent, loss; no stiffness: rigid
     contact = np.zeros(3) if c is None else np.array([1e-3 * c.stiffness_N_per_m, c.exponent, c.loss_us_per_um])
     knots, slopes = modes.capacitance.slope() if modes.capacitance else (np.zeros(0), np.zeros((1, 0)))
-    return table, ratios, contact, knots, slopes
+    return table, contact, knots, slopes
 
 
 def run(
@@ -80,7 +90,7 @@ def run(
     waveform: Waveform | Trace,
     *,
     horizon_us: float,
-    restitution: float,
+    restitution: float | FloatArray,
     plate_area_um2: float,
     rtol: float,
     times_us: FloatArray,
@@ -108,43 +118,48 @@ def run(
         x=np.empty((n_rows, len(times_us)), dtype=dtype),
         v=np.empty((n_rows, len(times_us)), dtype=dtype),
     )
-    block = rk.run_block
-    leading: tuple[NDArray[Any], ...] = (devices(switches, plate_area_um2),)
-    samples: tuple[NDArray[Any], ...] = (out.x, out.v)
-    if modes is not None or not losses.none:
+    drive = (pieces, n_ramps, ramps)
+    settings = (v_stick, rtol, max_steps)
+    events = (out.metrics, out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed)
+    work: Callable[[int, int], None]
+    if modes is not None or (method == "rk" and not losses.none):
         from softclose.kernel import modal
 
         modes = modes or ONE_MODE
         peaks = np.empty((n, len(modes.mode)))
         out = replace(out, peaks=peaks)
-        block, samples = modal.block(len(modes.mode)), (out.x, out.v, peaks)
-        leading = _modal_inputs(switches, plate_area_um2, losses, modes)
+        block = modal.block(len(modes.mode))
+        table, *shared = _modal_inputs(switches, plate_area_um2, losses, modes)
+        ratios, damping, eta = modes.ratios(), losses.damping_ratio, restitution
+
+        def rows(lo: int, hi: int, lost: Any, rebound: Any) -> None:
+            own = ratios.copy()
+            if lost > 0.0:
+                own[:, 2] = lost
+            block(lo, hi, table, own, *shared, *drive, rebound, *settings, times_us, *events, out.x, out.v, peaks)
+
+        def work(lo: int, hi: int) -> None:
+            if np.ndim(damping) == np.ndim(eta) == 0:
+                return rows(lo, hi, damping, eta)
+            lost, rebound = np.broadcast_to(damping, (n,)), np.broadcast_to(eta, (n,))
+            for i in range(lo, hi):
+                rows(i, i + 1, lost[i], rebound[i])
+            return None
+
     elif method == "taylor":
-        block = taylor.run_block
+        columned = columns(switches, plate_area_um2, restitution, losses)
+        block = taylor.block(lossy=losses.moving, film=bool(np.any(losses.film_viscosity_uPa_s)))
         unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
         samples = (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
 
-    def work(lo: int, hi: int) -> None:
-        block(
-            lo,
-            hi,
-            *leading,
-            pieces,
-            n_ramps,
-            ramps,
-            restitution,
-            v_stick,
-            rtol,
-            max_steps,
-            times_us,
-            out.metrics,
-            out.n_impacts,
-            out.closed,
-            out.status,
-            out.impact_time,
-            out.impact_speed,
-            *samples,
-        )
+        def work(lo: int, hi: int) -> None:
+            block(lo, hi, columned, np.empty((3, MAX_RETURNS)), *drive, *settings, times_us, *events, *samples)
+
+    else:
+        columned = columns(switches, plate_area_um2, restitution, losses)
+
+        def work(lo: int, hi: int) -> None:
+            rk.run_block(lo, hi, columned, *drive, *settings, times_us, *events, out.x, out.v)
 
     threads = min(threads, n)
     if threads <= 1:

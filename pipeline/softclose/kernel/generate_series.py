@@ -1,7 +1,7 @@
-"""Owns series.py: the power series of the fast kernel as straight-line code.
+"""Owns series.py and lossy_series.py: the power series of the fast kernel as straight-line code.
 
 Loops over short arrays cost 450 ns for one step of order 14; the same sums written out keep every coefficient in a
-register and cost 42 ns (docs/adr/010). Usage: `python -m softclose.kernel.generate_series` rewrites it.
+register and cost 42 ns (docs/adr/010). Usage: `python -m softclose.kernel.generate_series` rewrites them.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 from pathlib import Path
 
 TARGET = Path(__file__).with_name("series.py")
+LOSSY = Path(__file__).with_name("lossy_series.py")
 ORDER = 16
 """Degree of the Taylor polynomial of x."""
 TERMS = 12
@@ -38,6 +39,22 @@ TERMS = {terms}
 # Reordered sums need one copy of the code: everything is inlined into the entry point (`forceinline`). Where a function
 # was compiled by itself too, the process that compiled ran another copy than those that loaded the cache: other bits.
 _FAST = {{"contract", "reassoc", "nsz"}}
+'''
+
+
+LOSSY_HEADER = '''\
+"""Owns the power series of a switch that loses energy as straight-line code. Written by generate_series.py.
+
+x'' = c s² - k x - d x' - f x' / (G - x)³ with s = u / (G - x): to Eq. 1, damping adds a term to every recurrence. The
+film's force is a derivative, that of f r² / 2 with r = 1 / (G - x): its coefficients are those of r², which at constant
+voltage are those of s² but for a factor. So the film costs a switch under constant voltage nothing.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softclose.kernel.series import _FAST
 '''
 
 
@@ -112,6 +129,45 @@ def flight(driven: bool, order: int) -> str:
         doc = "Coefficients 0..ORDER of x where u has the coefficients u[0..ORDER-2]."
         return function("flight_driven", "x0, x1, u, gap, c, k", doc, lines)
     return function("flight_constant", "x0, x1, u, gap, c, k", "Coefficients 0..ORDER of x at constant u.", lines)
+
+
+def lossy_flight(driven: bool, film: bool, order: int) -> str:
+    """With `film`, q and s are those of r = 1 / (G - x); at constant voltage s² is u² r²."""
+    last = order - 1
+    own = driven or not film
+    lines = [unpack(us(order), "u")] if driven else []
+    lines += ["    r0 = 1.0 / (gap - x0)", "    z1 = x1 * r0"]
+    if film:
+        lines += ["    r1 = z1 * r0", "    p1 = r0 * r1"]
+    if film and not driven:
+        lines += ["    p0 = 0.5 * r0 * r0", "    pull = 2.0 * c * u * u"]
+    if own:
+        lines.append(f"    s0 = {'u0' if driven else 'u'} * r0")
+    for n in range(last):
+        if n and own:
+            terms = [f"r0 * u{n}"] if driven else []
+            lines.append(statement(f"s{n}", terms + [f"z{j} * s{n - j}" for j in range(1, n + 1)]))
+        if n and film:
+            lines.append(statement(f"r{n + 1}", [f"z{j} * r{n + 1 - j}" for j in range(1, n + 2)]))
+            lines.append(statement(f"p{n + 1}", square("r", n + 1)))
+        scale = 1.0 / ((n + 1) * (n + 2))
+        if own:
+            lines.append(statement("q", square("s", n)))
+        force = f"c * q * {2.0 * scale!r}" if own else f"pull * p{n} * {scale!r}"
+        loss = f"d * x{n + 1}" + (f" + f * p{n + 1}" if film else "")
+        lines.append(f"    x{n + 2} = {force} - k * x{n} * {scale!r} - ({loss}) * {1.0 / (n + 2)!r}")
+        if n + 2 < (order if film else last):
+            lines.append(f"    z{n + 2} = x{n + 2} * r0")
+    lines.append(pack(xs(order)))
+    name = ("film" if film else "damped") + ("_driven" if driven else "_constant")
+    at = "where u has the coefficients u[0..ORDER-2]" if driven else "at constant u"
+    film_doc = ", behind a film" if film else ""
+    return function(
+        name,
+        "x0, x1, u, gap, c, k, d" + (", f" if film else ""),
+        f"Coefficients 0..ORDER of x with damping{film_doc}, {at}.",
+        lines,
+    )
 
 
 def chain(target: str, coefficients: list[str], variable: str, indent: str = "    ") -> list[str]:
@@ -213,5 +269,13 @@ def render(order: int = ORDER, terms: int = TERMS) -> str:
     )
 
 
+def render_lossy(order: int = ORDER) -> str:
+    """The module of the lossy flights for a polynomial of degree `order` (6 or more)."""
+    return LOSSY_HEADER + "".join(
+        lossy_flight(driven, film, order) for film in (False, True) for driven in (False, True)
+    )
+
+
 if __name__ == "__main__":
     TARGET.write_text(render(), encoding="utf-8")
+    LOSSY.write_text(render_lossy(), encoding="utf-8")

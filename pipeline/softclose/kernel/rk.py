@@ -234,7 +234,6 @@ def _build(source: int) -> Callable[..., None]:
         pieces,
         n_ramps,
         ramps,
-        restitution,
         v_stick,
         rtol,
         max_steps,
@@ -248,7 +247,7 @@ def _build(source: int) -> Callable[..., None]:
         x_out,
         v_out,
     ):
-        """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k); outputs are rows of whole arrays."""
+        """Switches lo..hi-1 of `devices` (n, 8: travel, gap, c, k, restitution, losses); outputs are rows of arrays."""
         if source < 0:  # never: closes over the fingerprint, see source.py
             return
         stages = np.zeros((7, 2))
@@ -263,7 +262,7 @@ def _build(source: int) -> Callable[..., None]:
                 pieces,
                 n_ramps,
                 ramps,
-                restitution,
+                devices[i, 4],
                 v_stick,
                 rtol,
                 max_steps,

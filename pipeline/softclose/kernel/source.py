@@ -11,6 +11,19 @@ from numba.core.options import DefaultOptions
 # The kernels allocate nothing, yet numba would count references to their arrays: 5-15 % of the time, and more where
 # many are passed on. The option is private, hence asked for only where it exists.
 UNCOUNTED: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
+_FILES = (
+    "series",
+    "lossy_series",
+    "step",
+    "bounces",
+    "contact",
+    "release",
+    "pieces",
+    "results",
+    "rk",
+    "taylor",
+    "modal",
+)
 
 
 def fingerprint() -> int:
@@ -21,6 +34,6 @@ def fingerprint() -> int:
     closes over, so an entry point that closes over this number is compiled again whenever one of the files changes.
     """
     crc = 0
-    for name in ("series", "contact", "release", "pieces", "results", "rk", "taylor", "modal"):
+    for name in _FILES:
         crc = zlib.crc32((Path(__file__).parent / f"{name}.py").read_bytes(), crc)
     return crc

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import cast
 
-import numpy as np
 from numba import njit
 
+from softclose.kernel.bounces import learn, predict, symmetric_flight
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
+from softclose.kernel.lossy_series import damped_constant, damped_driven, film_constant, film_driven
 from softclose.kernel.pieces import voltage
 from softclose.kernel.release import release_time
 from softclose.kernel.results import store
 from softclose.kernel.series import (
-    ORDER,
     TERMS,
     bend,
     bounce_duration,
@@ -31,59 +32,38 @@ from softclose.kernel.series import (
     sample,
 )
 from softclose.kernel.source import UNCOUNTED, fingerprint
+from softclose.kernel.step import radius, step_size
 
 WORK_LIMIT = 1
 _SAFETY = 4.0
 """The last terms kept may be this much above the tolerance [1 µm/µs]: the first ones dropped are a quarter of them."""
 _RELEASE_STEP_US = 0.5
 _NO_BOUNCE = (0.0,) * TERMS
-_ONE_BITS = int(np.float64(1.0).view(np.int64))
-
-
-@njit(error_model="numpy", forceinline=True)
-def _bits(a):  # type: ignore[no-untyped-def]
-    """The bits of a >= 0 as an integer: log2(a) in fixed point, to 0.09."""
-    return np.float64(a).view(np.int64)
-
-
-@njit(error_model="numpy", forceinline=True)
-def _radius(tolerance, a, n, b, m):  # type: ignore[no-untyped-def]
-    """The h at which a h^n and b h^m are at most the tolerance, to a few per cent.
-
-    Two terms of a series, since one may vanish by symmetry. The roots are taken in the floating-point bits: a step need
-    not be exact, and logarithms and exponentials would cost as much as half the series.
-    """
-    budget = _bits(tolerance)
-    exponent = min((budget - _bits(abs(a))) // n, (budget - _bits(abs(b))) // m)
-    return 0.94 * np.int64(exponent + _ONE_BITS).view(np.float64)
-
-
-@njit(error_model="numpy", forceinline=True)
-def _step_size(x, tolerance):  # type: ignore[no-untyped-def]
-    """Step at which the last two terms of v are at most the tolerance [µs].
-
-    Where a pair of complex singularities leads, coefficients swing like cos(n phi): both may be small at once. A third,
-    four before them, then bounds the step as the radius of convergence that it suggests.
-    """
-    budget = _bits(tolerance) - _ONE_BITS
-    early = (budget // (ORDER - 1)) - (_bits(abs((ORDER - 4) * x[ORDER - 4])) - _ONE_BITS) // (ORDER - 5)
-    h = 0.94 * np.int64(early + _ONE_BITS).view(np.float64)
-    return min(h, _radius(tolerance, ORDER * x[ORDER], ORDER - 1, (ORDER - 1) * x[ORDER - 1], ORDER - 2))
 
 
 @njit(error_model="numpy", inline="always")
-def _expand(pieces, n_ramps, ramps, i, t, x, v, gap, c, k):  # type: ignore[no-untyped-def]
+def _expand(lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
     """Taylor coefficients of x about t on piece i."""
     u0 = pieces[i, 2]
     if n_ramps[i] == 0:
-        series = flight_constant(x, v, u0, gap, c, k)
+        if film:
+            series = film_constant(x, v, u0, gap, c, k, d, f)
+        elif lossy:
+            series = damped_constant(x, v, u0, gap, c, k, d)
+        else:
+            series = flight_constant(x, v, u0, gap, c, k)
     else:
         u = constant(u0)
         for j in range(n_ramps[i]):
             omega = ramps[i, j, 1]
             angle = omega * (t - ramps[i, j, 2])
             u = drive(u, ramps[i, j, 0] * math.cos(angle), ramps[i, j, 0] * math.sin(angle), omega)
-        series = flight_driven(x, v, u, gap, c, k)
+        if film:
+            series = film_driven(x, v, u, gap, c, k, d, f)
+        elif lossy:
+            series = damped_driven(x, v, u, gap, c, k, d)
+        else:
+            series = flight_driven(x, v, u, gap, c, k)
     return series
 
 
@@ -113,46 +93,22 @@ def _sample_until(series, t, until, times, first, row, x64, v64, x32, v32):  # t
     return stop
 
 
-@njit(error_model="numpy", forceinline=True)
-def _symmetric_flight(w, longest, travel, gap, c, k, u, tolerance, near, max_steps):  # type: ignore[no-untyped-def]
-    """Flight time [µs] after a rebound at speed w under constant u, inf if above `longest`; and the steps taken.
-
-    The way back mirrors the way out, so only the turning point is integrated for.
-    """
-    t, x, v = 0.0, travel, -w
-    duration = math.inf
-    n_steps = 0
-    while n_steps < max_steps and 2.0 * t <= longest:
-        n_steps += 1
-        series = flight_constant(x, v, u, gap, c, k)
-        h = min(_step_size(series, tolerance), longest)
-        x1, v1 = evaluate(series, h)
-        if v1 < 0.0:
-            t, x, v = t + h, x1, v1
-            continue
-        tau = h * v / (v - v1)
-        for _ in range(8):
-            xt, vt = evaluate(series, tau)
-            shift = vt / (c * (u / (gap - xt)) ** 2 - k * xt)
-            tau -= shift
-            if abs(shift) < near:  # convergence is quadratic: what is left is of the order of near²
-                break
-        if 2.0 * (t + tau) <= longest:
-            duration = 2.0 * (t + tau)
-        break
-    return duration, n_steps
-
-
 @njit(error_model="numpy", inline="always")
 def _run_switch(  # type: ignore[no-untyped-def]
+    lossy,
+    film,
     travel,
     gap,
     c,
     k,
+    restitution,
+    d,
+    f,
+    adhesion,
+    memo,
     pieces,
     n_ramps,
     ramps,
-    restitution,
     v_stick,
     rtol,
     max_steps,
@@ -166,20 +122,33 @@ def _run_switch(  # type: ignore[no-untyped-def]
     impact_time,
     impact_speed,
 ):
-    """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows."""
+    """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows.
+
+    lossy, film: known when this is compiled, so that what they leave out is no code.
+    """
     tolerance = _SAFETY * rtol
     near = 0.3 * math.sqrt(rtol)
     t, x, v = 0.0, 0.0, 0.0
     v_max, first, settled = math.nan, math.inf, math.inf
     held, launched = False, False
     n_impacts, n_steps, status = 0, 0, 0
-    hold_voltage = (gap - travel) * math.sqrt(k * travel / c)
+    press_voltage = (gap - travel) * math.sqrt(k * travel / c)
+    hold_voltage = press_voltage
+    if adhesion > 0.0:
+        rest = k * travel - adhesion  # what the voltage has to hold
+        hold_voltage = (gap - travel) * math.sqrt(rest / c) if rest > 0.0 else -1.0
+    force = drag = launch = launched_at = 0.0
+    n_returns, sure = 0, True
     n_times, i_time = times.shape[0], 0
     n_events = impact_time.shape[1]
     for i in range(pieces.shape[0]):
         t, end = pieces[i, 0], pieces[i, 1]
         bounce_limit = -1.0
         bounce = _NO_BOUNCE
+        if lossy:
+            force = c * (pieces[i, 2] / (gap - travel)) ** 2 - k * travel
+            drag = d + f / (gap - travel) ** 3
+            launch, n_returns, sure = 0.0, 0, False
         while t < end and status == 0:
             if held:
                 if n_ramps[i] > 0:
@@ -199,8 +168,8 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if n_steps > max_steps:
                 status = WORK_LIMIT
                 break
-            series = _expand(pieces, n_ramps, ramps, i, t, x, v, gap, c, k)
-            h = _step_size(series, tolerance)
+            series = _expand(lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
+            h = step_size(series, tolerance)
             if launched and v == 0.0:
                 h = min(h, _RELEASE_STEP_US)
             last = h >= end - t
@@ -208,8 +177,13 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 h = end - t
             x1, v1 = evaluate(series, h)
             tau, speed = NONE, 0.0
-            # Below the contact x'' >= -k travel, so between its ends x exceeds the higher by at most k travel h²/8.
-            if launched or max(x, x1) + 0.125 * k * travel * h * h >= travel:
+            if lossy:
+                # From a maximum on the plate falls, losses hold it back, and x'' >= -k travel as without them.
+                reaches = k * h * h > 1.0 or x1 + 0.5 * k * travel * h * h >= travel
+            else:
+                # Below the contact x'' >= -k travel, so between its ends x exceeds the higher by at most k travel h²/8.
+                reaches = max(x, x1) + 0.125 * k * travel * h * h >= travel
+            if launched or reaches:
                 tau, speed = first_contact(series, h, travel - x, launched, v1, bend(series, h), near)
                 if tau == UNDECIDED:
                     h, last, tau = speed, False, NONE
@@ -236,15 +210,23 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 if -v < v_stick and voltage(pieces, n_ramps, ramps, i, t) >= hold_voltage:
                     held, launched, v, settled = True, False, 0.0, t
                 continue
-            if pieces[i, 2] < hold_voltage:
+            if pieces[i, 2] < press_voltage:
+                if -v < v_stick and pieces[i, 2] >= hold_voltage:
+                    held, launched, v, settled = True, False, 0.0, t
                 continue
+            if lossy:
+                if launch > 0.0 and force > 0.0:
+                    n_returns, sure = learn(memo, n_returns, launch, t - launched_at, speed, force, drag, rtol)
+                launch, launched_at = -v, t
+                if not sure and -v >= v_stick:
+                    continue
             # Constant voltage that presses: energy is conserved, so each later impact has exactly the speed of the
             # rebound before it, and small bounces last a power series in that speed.
-            if bounce_limit < 0.0:
+            elif bounce_limit < 0.0:
                 bounce_limit = 0.0
                 if pieces[i, 2] > hold_voltage:
                     bounce = flight_time(travel, gap, c * pieces[i, 2] ** 2, k)
-                    bounce_limit = _radius(
+                    bounce_limit = radius(
                         rtol * bounce[0], bounce[TERMS - 1], 2 * (TERMS - 1), bounce[TERMS - 2], 2 * (TERMS - 2)
                     )
             while True:
@@ -252,10 +234,13 @@ def _run_switch(  # type: ignore[no-untyped-def]
                     held, launched, v, settled = True, False, 0.0, t
                     break
                 n_steps += 1
-                if -v <= bounce_limit:
+                back = -v
+                if lossy:
+                    duration, back = predict(memo, n_returns, -v, force, drag)
+                elif -v <= bounce_limit:
                     duration = bounce_duration(bounce, -v)
                 else:
-                    duration, n = _symmetric_flight(
+                    duration, n = symmetric_flight(
                         -v, end - t, travel, gap, c, k, pieces[i, 2], tolerance, near, max_steps
                     )
                     n_steps += n
@@ -265,8 +250,8 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 # For the samples only: what is reported does not depend on it. A bounce may take several steps.
                 ts, xs, vs = t, x, v
                 while i_time < n_times and times[i_time] <= t_next:
-                    series = _expand(pieces, n_ramps, ramps, i, ts, xs, vs, gap, c, k)
-                    h = _step_size(series, tolerance)
+                    series = _expand(lossy, film, pieces, n_ramps, ramps, i, ts, xs, vs, gap, c, k, d, f)
+                    h = step_size(series, tolerance)
                     until = t_next if h >= t_next - ts else ts + h
                     i_time = _sample_until(series, ts, until, times, i_time, row, x64, v64, x32, v32)
                     xs, vs = evaluate(series, h)
@@ -274,9 +259,9 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 t = t_next
                 if n_impacts < n_events:
                     impact_time[event_row, n_impacts] = t
-                    impact_speed[event_row, n_impacts] = -v
+                    impact_speed[event_row, n_impacts] = back
                 n_impacts += 1
-                v *= restitution
+                v = -restitution * back
     if status != 0:
         x, v, held, settled = math.nan, math.nan, False, math.inf
     if i_time < n_times:
@@ -284,16 +269,16 @@ def _run_switch(  # type: ignore[no-untyped-def]
     return v_max, first, settled, n_impacts, x, v, held, status
 
 
-def _build(source: int) -> Callable[..., None]:
+def _build(source: int, lossy: bool, film: bool) -> Callable[..., None]:
     @njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
         lo,
         hi,
         devices,
+        memo,
         pieces,
         n_ramps,
         ramps,
-        restitution,
         v_stick,
         rtol,
         max_steps,
@@ -309,8 +294,10 @@ def _build(source: int) -> Callable[..., None]:
         x32,
         v32,
     ):
-        """Switches lo..hi-1 of `devices` (n, 4: travel, gap, c, k), each on its own; outputs are rows of whole arrays.
+        """Switches lo..hi-1 of `devices`, each on its own; outputs are rows of whole arrays.
 
+        devices: (n, 8) travel, gap [µm], c, k, restitution, damping [1/µs], film [µm³/µs] and adhesion [µm/µs²], the
+        last three per mass and read where losses are; memo: (3, MAX_RETURNS) for what is in work.
         Samples go to x64 and v64, or to x32 and v32 where those have no columns: one compiled variant for both, so the
         metrics are the same bits whichever is asked for.
         """
@@ -320,14 +307,20 @@ def _build(source: int) -> Callable[..., None]:
             row = i if times.shape[0] > 0 else 0
             event_row = i if impact_time.shape[1] > 0 else 0
             found = _run_switch(
+                lossy,
+                film,
                 devices[i, 0],
                 devices[i, 1],
                 devices[i, 2],
                 devices[i, 3],
+                devices[i, 4],
+                devices[i, 5],
+                devices[i, 6],
+                devices[i, 7],
+                memo,
                 pieces,
                 n_ramps,
                 ramps,
-                restitution,
                 v_stick,
                 rtol,
                 max_steps,
@@ -346,4 +339,7 @@ def _build(source: int) -> Callable[..., None]:
     return cast("Callable[..., None]", run_block)
 
 
-run_block = _build(fingerprint())
+@lru_cache
+def block(*, lossy: bool = False, film: bool = False) -> Callable[..., None]:
+    """`run_block` for switches with such losses; each is compiled where it is first used, and cached."""
+    return _build(fingerprint(), lossy, film)

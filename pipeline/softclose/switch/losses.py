@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
 
 
 class LossesError(ValueError):
@@ -14,35 +18,59 @@ class LossesError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Losses:
-    """All zero: Eqs. 1-2 as they are."""
+    """All zero: Eqs. 1-2 as they are. Q, viscosity and adhesion may be arrays (n,), one entry a switch."""
 
-    quality_factor: float = 0.0
+    quality_factor: float | FloatArray = 0.0
     """Q of the plate's own damping, b = sqrt(K M) / Q; 0: none."""
-    film_viscosity_uPa_s: float = 0.0
+    film_viscosity_uPa_s: float | FloatArray = 0.0
     """Viscosity of the gas [µPa s]; 0: no film."""
     film_length_um: float = 0.0
     """Longer side of the film [µm]; 0: that of a square of the plate's area."""
     film_width_um: float = 0.0
     """Shorter side of the film [µm]; 0: that of a square of the plate's area."""
-    adhesion_uN: float = 0.0
+    adhesion_uN: float | FloatArray = 0.0
     """Force with which a closed contact sticks [µN]."""
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
+            if isinstance(value, np.ndarray) and name not in ("film_length_um", "film_width_um"):
+                wrong = _wrong_row(value)
+                if wrong:
+                    raise LossesError(f"{name}{wrong}")
+            elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
                 raise LossesError(f"{name} is {value!r}; it must be a number, 0 or more")
-        if self.quality_factor and self.quality_factor < 0.1:
-            raise LossesError(f"quality_factor is {self.quality_factor:g}; it must be 0 (no damping) or 0.1 and more")
+        q = np.ravel(self.quality_factor)
+        if ((q > 0.0) & (q < 0.1)).any():
+            raise LossesError(f"quality_factor is {q[q > 0.0].min():g}; it must be 0 (no damping) or 0.1 and more")
         if (self.film_length_um == 0.0) != (self.film_width_um == 0.0):
             raise LossesError("give both film_length_um and film_width_um, or neither for a square")
 
     @property
+    def moving(self) -> bool:
+        """Whether a switch that moves loses anything: damping or film."""
+        return bool(np.any(self.quality_factor) or np.any(self.film_viscosity_uPa_s))
+
+    @property
     def none(self) -> bool:
         """Whether the switch loses nothing but at its impacts."""
-        return self.quality_factor == self.film_viscosity_uPa_s == self.adhesion_uN == 0.0
+        return not (self.moving or np.any(self.adhesion_uN))
 
-    def film(self, plate_area_um2: float) -> float:
+    @property
+    def damping_ratio(self) -> float | FloatArray:
+        """1/Q; 0 where there is no damping."""
+        q = np.asarray(self.quality_factor, dtype=np.float64)
+        inverse = np.divide(1.0, q, out=np.zeros_like(q), where=q > 0.0)
+        return inverse if inverse.ndim else float(inverse)
+
+    def check_rows(self, n: int) -> None:
+        """Raise LossesError where an array has not one entry for each of n switches."""
+        for name in ("quality_factor", "film_viscosity_uPa_s", "adhesion_uN"):
+            shape = np.shape(getattr(self, name))
+            if shape not in ((), (n,)):
+                raise LossesError(f"{name} has shape {shape}; it must be a number or ({n},), one entry a switch")
+
+    def film(self, plate_area_um2: float) -> float | FloatArray:
         """Force of the film times the cube of its thickness over the speed [mN µm³ per µm/µs].
 
         Reynolds' equation for an incompressible film under a rectangular plate that moves square to it, first order in
@@ -53,6 +81,14 @@ class Losses:
         sides = self.film_length_um or side, self.film_width_um or side
         length, width = max(sides), min(sides)
         return 1e-9 * self.film_viscosity_uPa_s * length * width**3 * shape_factor(width / length)
+
+
+def _wrong_row(values: np.ndarray[Any, Any]) -> str:
+    """What is wrong with the entries of one value a switch; nothing where they can be used."""
+    if values.ndim != 1 or values.dtype.kind not in "fiu":
+        return f" is an array of shape {values.shape} and type {values.dtype}; it must be numbers, one entry a switch"
+    bad = np.flatnonzero(~((values >= 0.0) & (values < math.inf)))
+    return f" of switch {bad[0] + 1} is {values[bad[0]]!r}; it must be a number, 0 or more" if bad.size else ""
 
 
 def shape_factor(ratio: float) -> float:
