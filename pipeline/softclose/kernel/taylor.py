@@ -340,6 +340,6 @@ def _build(source: int, lossy: bool, film: bool) -> Callable[..., None]:
 
 
 @lru_cache
-def block(*, lossy: bool = False, film: bool = False) -> Callable[..., None]:
+def block(*, lossy: bool, film: bool) -> Callable[..., None]:
     """`run_block` for switches with such losses; each is compiled where it is first used, and cached."""
     return _build(fingerprint(), lossy, film)
