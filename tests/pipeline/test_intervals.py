@@ -125,8 +125,65 @@ def test_ranks_of_few_draws_by_hand() -> None:
     assert intervals.quantile_rank(1, 1e-12) == 1
 
 
-def test_mean_interval_is_students() -> None:
+def test_student_interval_is_scipys() -> None:
     x = np.array([1.0, 2.0, 4.0, 7.0])
     theirs = stats.t.interval(0.95, 3, loc=x.mean(), scale=stats.sem(x))
-    assert intervals.mean_interval(x) == pytest.approx(theirs)
+    assert intervals.student_interval(x) == pytest.approx(theirs)
+    assert all(math.isnan(v) for v in intervals.student_interval(np.array([1.0])))
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=60).filter(lambda x: np.std(x) > 1e-3),
+    st.floats(0.1, 10.0),
+    st.floats(-20.0, 20.0),
+)
+def test_mean_interval_holds_students_and_halls_and_moves_with_the_draws(
+    draws: list[float], scale: float, shift: float
+) -> None:
+    """Hall's (1992): the ends are where the transformed t is at Student's quantile. Signs, units, shifts change none."""
+    x = np.array(draws)
+    n, mean = x.size, float(x.mean())
+    low, high = intervals.mean_interval(x)
+    t = stats.t.ppf(0.975, n - 1)
+    se = stats.sem(x)
+    skewness = float(stats.skew(x, bias=False))
+
+    def transformed(mu: float) -> float:
+        z, g = (mean - mu) / se, skewness / math.sqrt(n)
+        return z + g * z**2 / 3.0 + g**2 * z**3 / 27.0 + g / 6.0
+
+    assert low <= mean - t * se + 1e-9
+    assert high >= mean + t * se - 1e-9
+    assert transformed(low) >= t - 1e-6
+    assert transformed(high) <= -t + 1e-6
+    assert min(transformed(low) - t, (mean - t * se) - low) == pytest.approx(0.0, abs=1e-5)
+    assert min(-t - transformed(high), high - (mean + t * se)) == pytest.approx(0.0, abs=1e-5)
+    mirrored = intervals.mean_interval(-x)
+    np.testing.assert_allclose((-mirrored[1], -mirrored[0]), (low, high), rtol=1e-7, atol=1e-7)
+    moved = intervals.mean_interval(scale * x + shift)
+    np.testing.assert_allclose(moved, (scale * low + shift, scale * high + shift), rtol=1e-6, atol=1e-6)
+
+
+def test_mean_interval_of_few_or_equal_draws() -> None:
     assert all(math.isnan(v) for v in intervals.mean_interval(np.array([1.0])))
+    two = np.array([1.0, 4.0])
+    assert intervals.mean_interval(two) == intervals.student_interval(two)
+    assert intervals.mean_interval(np.full(9, 2.0)) == (2.0, 2.0)
+
+
+@pytest.mark.parametrize("n", [20, 300, 100_000])
+def test_a_share_that_is_not_seen_is_missed_by_one_sample_in_twenty(n: int) -> None:
+    assert (1.0 - intervals.unseen_share(n)) ** n == pytest.approx(0.05)
+    assert intervals.unseen_share(n) == pytest.approx(3.0 / n, rel=0.1)
+    assert intervals.unseen_share(0) == 1.0
+
+
+def test_jumps_of_a_quantile_are_the_gaps_within_its_interval() -> None:
+    smooth = np.arange(1000.0)
+    assert intervals.quantile_jumps(smooth, 0.9) == (1.0, 1.0)
+    gap = np.where(smooth >= 905, smooth + 500.0, smooth)
+    assert intervals.quantile_jumps(gap, 0.9) == (1.0, 501.0)
+    gap = np.where(smooth >= 895, smooth + 500.0, smooth)
+    assert intervals.quantile_jumps(gap, 0.9) == (501.0, 1.0)
+    assert intervals.quantile_jumps(np.array([3.0]), 0.9) == (0.0, 0.0)

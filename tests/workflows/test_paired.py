@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from softclose import assess
-from softclose.metrics.intervals import quantile_standard_error
+from softclose.metrics.intervals import proportion, quantile_standard_error
 from softclose.metrics.paired import compare, spread_at
 
 
@@ -80,8 +80,8 @@ def test_interval_of_p_nc_counts_the_switches_that_close_under_one_waveform_only
     a, b = _response(v, everywhere >= 12), _response(v, (everywhere >= 8) & (everywhere < 99))
     c = compare((a, assess(a)), (b, assess(b)))  # 4 and 1 of a hundred
     assert c.p_nc == pytest.approx(0.03)
-    half = 1.959964 * math.sqrt(5.0 - 9.0 / 100.0) / 100.0
-    assert c.p_nc_interval == pytest.approx((0.03 - half, 0.03 + half), rel=1e-6)
+    half = 1.959964 * math.sqrt(7.0 - 9.0 / 102.0) / 102.0  # one more of each kind
+    assert c.p_nc_interval == pytest.approx((3.0 / 102.0 - half, 3.0 / 102.0 + half), rel=1e-6)
 
 
 def test_switches_that_touch_under_neither_waveform_do_not_couple_their_upper_velocities() -> None:
@@ -100,15 +100,19 @@ def test_one_switch_gives_a_difference_and_no_interval() -> None:
     a, b = _response([12.0], [True]), _response([15.0], [True])
     c = compare((a, assess(a)), (b, assess(b)))
     assert c.v_u_cm_s == pytest.approx(-3.0)
-    assert all(map(math.isnan, (*c.v_u_interval, *c.mean_interval)))
+    assert c.v_u_interval == (-math.inf, math.inf)
+    assert all(map(math.isnan, c.mean_interval))
 
 
-def test_a_waveform_against_itself_differs_by_nothing() -> None:
+def test_that_no_switch_differs_does_not_say_that_none_would() -> None:
+    """Of 300 switches none differs: as many as 1.2 % of a lot may all the same (Clopper and Pearson)."""
     a, _ = _pair(300, 4)
     c = compare((a, assess(a)), (a, assess(a)))
-    assert c.v_u_interval == (0.0, 0.0)
-    assert c.p_nc_interval == (0.0, 0.0)
-    assert c.softer.count == 0
+    assert c.v_u_cm_s == c.p_nc == c.softer.count == 0
+    assert c.p_nc_interval[1] == -c.p_nc_interval[0] > 0.5 * proportion(0, 300).clopper_pearson[1]
+    low, high = c.v_u_interval
+    own = assess(a).v_u_interval
+    assert -0.5 * (own[1] - own[0]) < low < 0.0 < high < 0.5 * (own[1] - own[0])
 
 
 def test_undefined_v_u_gives_an_undefined_difference() -> None:

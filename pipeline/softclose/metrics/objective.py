@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from softclose.metrics import intervals
 from softclose.metrics.intervals import Interval, Proportion
+from softclose.metrics.joined import joint, reach
 from softclose.metrics.limit import Limit, limit_on
 
 FloatArray = NDArray[np.float64]
@@ -25,6 +26,8 @@ CM_S = 100.0
 FORMS: tuple[str, ...] = ("penalty", "chance")
 Risk = Literal["quantile", "cvar"]
 RISKS: tuple[str, ...] = ("quantile", "cvar")
+LEAST_BEYOND = 5
+"""Fewest draws beyond a speed that bound from above how far the rest go: with fewer, the interval is open above."""
 
 
 class ObjectiveError(ValueError):
@@ -224,7 +227,7 @@ def assess(
         association = _association(v, ~closed[contact], v_u, level, p_nc.estimate, n)
         tail = intervals.proportion(int((v > v_u).sum()), n_contact, confidence)
         above = tail.estimate, tail.half_width
-    shortfall = _shortfall(v, v_u, level, confidence)
+    shortfall = _shortfall(v, v_u, v_u_interval[0], level, confidence)
     value, value_interval, value_se = v_u, v_u_interval, v_u_se
     if risk == "cvar":
         value, value_interval, value_se = shortfall.estimate, shortfall.interval, shortfall.se
@@ -238,8 +241,12 @@ def assess(
     counted = p_nc.wilson[1] if assured and form == "chance" else p_nc.estimate
     g = (value if defined else undefined_v_u_cm_s) + penalty(counted)
     q_range = (value - value_interval[0], value_interval[1] - value) if defined else (0.0, 0.0)
+    jumps = intervals.quantile_jumps(ordered, level, confidence) if defined and risk == "quantile" else (0.0, 0.0)
+    # Wilson's interval is too short for a rare event: below ten of a kind, Clopper and Pearson's.
+    rare = min(p_nc.count, n - p_nc.count) < 10
+    lower, upper = p_nc.clopper_pearson if rare else p_nc.wilson
+    p_range = penalty(p_nc.estimate) - penalty(lower), penalty(upper) - penalty(p_nc.estimate)
     p_lower, p_upper = p_nc.wilson
-    p_range = penalty(p_nc.estimate) - penalty(p_lower), penalty(p_upper) - penalty(p_nc.estimate)
     # Half of Wilson's width over z is the standard error of p_nc, and stays above 0 where none or all closed.
     p_se = (penalty(p_upper) - penalty(p_lower)) / (2.0 * intervals.normal_quantile(confidence))
 
@@ -253,10 +260,10 @@ def assess(
         n_failed=n_failed,
         g_cm_s=g,
         g_interval=(
-            g - _joint(q_range[0], p_range[0], association),
-            g + _joint(q_range[1], p_range[1], association),
+            g - reach(q_range[0], p_range[0], association, jumps[0]),
+            g + reach(q_range[1], p_range[1], association, jumps[1]),
         ),
-        g_se_cm_s=_joint(value_se, p_se, association),
+        g_se_cm_s=joint(value_se, p_se, association),
         feasible=limit is None or limit.verdict == "met",
         limit=limit,
         v_u_cm_s=v_u,
@@ -300,11 +307,12 @@ def _closing(response: Response, level: float, confidence: float) -> tuple[float
 def _exceedance(v: FloatArray, limit_cm_s: float, confidence: float) -> Exceedance:
     excess = np.maximum(v - limit_cm_s, 0.0)
     lower, upper = intervals.mean_interval(excess, confidence)
+    count = int((v > limit_cm_s).sum())
     return Exceedance(
         limit_cm_s=limit_cm_s,
-        probability=intervals.proportion(int((v > limit_cm_s).sum()), v.size, confidence),
+        probability=intervals.proportion(count, v.size, confidence),
         excess_cm_s=float(excess.mean()) if v.size else math.nan,
-        excess_interval=(max(lower, 0.0), upper),
+        excess_interval=(max(lower, 0.0), upper if count >= LEAST_BEYOND or not v.size else math.inf),
     )
 
 
@@ -317,18 +325,27 @@ class _Shortfall:
     """(n_contact,) what each switch moves the estimate by, times their number."""
 
 
-def _shortfall(v: FloatArray, v_u: float, level: float, confidence: float) -> _Shortfall:
+def _shortfall(v: FloatArray, v_u: float, v_u_lower: float, level: float, confidence: float) -> _Shortfall:
     """CVaR = v_u + E[max(V - v_u, 0)] / (1 - level) (Rockafellar and Uryasev 2000), whose first-order error is that of
     the mean alone: v_u minimises it."""
     if math.isnan(v_u):
         return _Shortfall(estimate=math.nan, interval=intervals.NO_INTERVAL, se=0.0, influence=np.zeros(v.size))
-    z = v_u + np.maximum(v - v_u, 0.0) / (1.0 - level)
+    z = _tail_terms(v, v_u, level)
     estimate = float(z.mean())
     se = float(z.std(ddof=1)) / math.sqrt(z.size) if z.size > 1 else 0.0
-    # On the logarithm, with the tail's degrees of freedom: nearer the stated confidence than est ± z se.
-    reach = intervals.student_quantile(confidence, max(int((1.0 - level) * z.size) - 1, 1)) * se
-    factor = math.exp(min(reach / estimate, 50.0)) if z.size > 1 and estimate > 0.0 else math.inf
-    return _Shortfall(estimate=estimate, interval=(estimate / factor, estimate * factor), se=se, influence=z - estimate)
+    lower, upper = intervals.mean_interval(z, confidence) if z.size > 1 else (-math.inf, math.inf)
+    if math.isfinite(v_u_lower):
+        # The estimate is the least of many means, too low where V has a gap or an atom at the level: the lower end is
+        # that at the lower order statistic too.
+        lower = min(lower, intervals.mean_interval(_tail_terms(v, v_u_lower, level), confidence)[0])
+    if int((v > v_u).sum()) < LEAST_BEYOND:
+        upper = math.inf
+    return _Shortfall(estimate=estimate, interval=(max(lower, 0.0), upper), se=se, influence=z - estimate)
+
+
+def _tail_terms(v: FloatArray, threshold: float, level: float) -> FloatArray:
+    """(n,) terms whose mean is the CVaR where the threshold is v_u, and no less than it at any other."""
+    return np.asarray(threshold + np.maximum(v - threshold, 0.0) / (1.0 - level))
 
 
 def _shared(influence: FloatArray, contact: NDArray[np.bool_], open_: NDArray[np.bool_]) -> float:
@@ -337,13 +354,6 @@ def _shared(influence: FloatArray, contact: NDArray[np.bool_], open_: NDArray[np
     whole[contact] = influence
     spread = float(whole.std() * open_.std())
     return float(((whole - whole.mean()) * (open_ - open_.mean())).mean()) / spread if spread > 0.0 else 0.0
-
-
-def _joint(a: float, b: float, correlation: float) -> float:
-    """Deviation of a sum of two estimates from the deviations of each (for intervals: Zou and Donner's MOVER)."""
-    if math.isinf(a):
-        return a
-    return math.sqrt(max(a * a + b * b + 2.0 * correlation * a * b, 0.0))
 
 
 def _association(v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: float, p_nc: float, n: int) -> float:

@@ -3,7 +3,8 @@
 All run on the same switches, ever more of them. After each round a waveform that another beats with confidence is out,
 and the race ends when no waveform left can beat the best by more than a stated tolerance. This is Hoeffding races
 (Maron and Moore 1994) with intervals of the paired differences in place of Hoeffding's, every interval of the race at
-once at the stated confidence (Bonferroni).
+once at the stated confidence (Bonferroni). A difference of p_nc has the variance of z² switches that differ at least:
+a few that happen to differ on one side, or none, show less than there may be.
 """
 
 from __future__ import annotations
@@ -131,7 +132,11 @@ def race(
             if i == best:
                 continue
             behind = judged[i].g_cm_s - judged[best].g_cm_s
-            se = float(np.std(g_influence(found[i], judged[i], **objective) - own)) / math.sqrt(n)
+            apart = g_influence(found[i], judged[i], **objective) - own
+            open_apart = np.asarray(found[best].closed, dtype=float) - np.asarray(found[i].closed, dtype=float)
+            slope = max(penalty_slope(judged[j], **objective) for j in (i, best))
+            rare = slope**2 * max(z * z / n - float(np.var(open_apart)), 0.0)
+            se = math.sqrt((float(np.var(apart)) + rare) / n)
             if behind > z * se:
                 out.append(i)
             else:
@@ -143,28 +148,38 @@ def race(
     return Race(laps=tuple(laps), tolerance_cm_s=tolerance_cm_s, confidence=confidence)
 
 
-def g_influence(
-    response: Response,
+def penalty_slope(
     assessment: Assessment,
     *,
     form: str = "penalty",
-    risk: str = "quantile",
     c1_cm_s: float = 25.0,
     chance_penalty_cm_s: float = 500.0,
     p_max: float | None = None,
     **_: Any,
+) -> float:
+    """What g rises by per unit of p_nc [cm/s].
+
+    The chance-constrained form's penalty has a kink at p_max; where the interval of p_nc reaches beyond it, its slope
+    counts in full.
+    """
+    if form == "chance":
+        return chance_penalty_cm_s if assessment.p_nc_intervals.wilson[1] > float(p_max or 0.0) else 0.0
+    return c1_cm_s
+
+
+def g_influence(
+    response: Response,
+    assessment: Assessment,
+    *,
+    risk: str = "quantile",
+    **objective: Any,
 ) -> FloatArray:
     """(n,) influence of each switch on g [cm/s]: its standard deviation over sqrt(n) is the standard error of g.
 
-    Differences of two of these give the error of a difference of g on common switches. The chance-constrained form's
-    penalty has a kink at p_max; where the interval of p_nc reaches beyond it, its slope counts in full. NaN where v_u
-    is undefined.
+    Differences of two of these give the error of a difference of g on common switches. NaN where v_u is undefined.
     """
     open_ = (~np.asarray(response.closed)).astype(float)
-    slope = c1_cm_s
-    if form == "chance":
-        slope = chance_penalty_cm_s if assessment.p_nc_intervals.wilson[1] > float(p_max or 0.0) else 0.0
-    penalty: FloatArray = slope * (open_ - open_.mean())
+    penalty: FloatArray = penalty_slope(assessment, **objective) * (open_ - open_.mean())
     if risk == "cvar":
         v = np.asarray(response.max_contact_speed) * CM_S
         contact = ~np.isnan(v)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.evaluate import respond
-from softclose.metrics.intervals import mean_interval
+from softclose.metrics.intervals import student_interval
 from softclose.metrics.objective import CM_S
 from softclose.population import Population
 from softclose.settings import CampaignConfig, load_config
@@ -123,9 +123,9 @@ def sensitivity(
                 output=output,
                 variable=v,
                 first=float(table[:, 0, i, j].mean()),
-                first_interval=mean_interval(table[:, 0, i, j], confidence),
+                first_interval=student_interval(table[:, 0, i, j], confidence),
                 total=float(table[:, 1, i, j].mean()),
-                total_interval=mean_interval(table[:, 1, i, j], confidence),
+                total_interval=student_interval(table[:, 1, i, j], confidence),
             )
             for i, output in enumerate(OUTPUTS)
             for j, v in enumerate(population.variables)

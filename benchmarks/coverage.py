@@ -1,0 +1,302 @@
+"""How often does each interval that Softclose prints hold what it is about? Prints tables of coverage.
+
+python benchmarks/coverage.py                        # everything, 10,000 repetitions
+python benchmarks/coverage.py figures --repetitions 500
+
+Every interval comes from the function that the commands print it from; truths are closed forms or quadratures of the
+quantile functions. A cell in brackets: the group that matters is smaller than `unseen_share(n)`, so that it can be
+missing from all draws; the commands say so where they print the interval.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+from scipy.stats import binom
+
+from softclose.metrics import intervals
+from softclose.metrics.intervals import Interval, unseen_share
+from softclose.metrics.objective import Assessment, Judged, assess
+from softclose.metrics.paired import compare
+from softclose.metrics.race import race, sizes
+
+FloatArray = NDArray[np.float64]
+Quantile = Callable[[FloatArray], FloatArray]
+
+LEVEL, LIMIT_CM_S, C1_CM_S = 0.9, 19.7, 25.0
+SIZES = (20, 50, 200, 2000)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lot:
+    """A distribution of V [cm/s] by its quantile function, continuous from the left."""
+
+    quantile: Quantile
+    group: float = 0.0
+    """Share of its rarest group that matters; 0: none."""
+
+    def expect(self, f: Callable[[FloatArray], FloatArray]) -> float:
+        """E[f(V)], finer towards the tail."""
+        w = (np.arange(2_000_000) + 0.5) / 2_000_000
+        return float((2.0 * w * f(self.quantile(1.0 - w**2))).mean())
+
+    def truth(self, open_: float) -> dict[str, float]:
+        """What the intervals are about. open_: share of the switches that stay open, whatever their V."""
+        v_u = float(self.quantile(np.array([LEVEL]))[0])
+        beyond = self.expect(lambda v: np.maximum(v - v_u, 0.0)) / (1.0 - LEVEL)
+        return {
+            "v_u": v_u,
+            "mean V": self.expect(lambda v: v),
+            "CVaR": v_u + beyond,
+            "g": v_u + C1_CM_S * open_,
+            "g of CVaR": v_u + beyond + C1_CM_S * open_,
+            "excess": self.expect(lambda v: np.maximum(v - LIMIT_CM_S, 0.0)),
+            "p_exceed": self.expect(lambda v: (v > LIMIT_CM_S).astype(float)),
+            "p_nc": open_,
+        }
+
+
+def _steps(*parts: tuple[float, Quantile]) -> Quantile:
+    """Quantile function of a mixture of parts that follow one another: (share, its own quantile function)."""
+
+    def of(u: FloatArray) -> FloatArray:
+        out, start = np.zeros_like(u), 0.0
+        for k, (share, quantile) in enumerate(parts):
+            last = k == len(parts) - 1
+            here = (u > start if k else u >= 0.0) & (u <= (1.0 if last else start + share))
+            out[here] = quantile(np.clip((u[here] - start) / share, 1e-12, 1.0 - 1e-12))
+            start = round(start + share, 12)
+        return out
+
+    return of
+
+
+def _even(low: float, high: float) -> Quantile:
+    return lambda u: low + (high - low) * u
+
+
+LOTS: dict[str, Lot] = {
+    "normal": Lot(quantile=lambda u: 12.0 + 2.0 * ndtri(np.clip(u, 1e-9, 1.0 - 1e-15))),
+    "exponential": Lot(quantile=lambda u: -10.0 * np.log1p(-np.clip(u, 0.0, 1.0 - 1e-15))),
+    "lognormal": Lot(quantile=lambda u: 10.0 * np.exp(0.8 * ndtri(np.clip(u, 1e-15, 1.0 - 1e-15)))),
+    "heavy tail": Lot(quantile=lambda u: 8.0 * (1.0 - np.clip(u, 0.0, 1.0 - 1e-15)) ** (-1.0 / 3.0)),
+    "two clusters": Lot(quantile=_steps((0.8, _even(8.0, 12.0)), (0.2, _even(28.0, 32.0))), group=0.2),
+    "slam of 5 %": Lot(quantile=_steps((0.95, _even(8.0, 12.0)), (0.05, _even(50.0, 60.0))), group=0.05),
+    "slam of 2 %": Lot(quantile=_steps((0.98, _even(8.0, 12.0)), (0.02, _even(50.0, 60.0))), group=0.02),
+    "gap at the level": Lot(quantile=_steps((0.9, _even(8.0, 12.0)), (0.1, _even(30.0, 40.0))), group=0.1),
+    "atom over the level": Lot(
+        quantile=_steps((0.7, _even(2.0, 10.0)), (0.22, _even(12.0, 12.0)), (0.08, _even(12.0, 30.0)))
+    ),
+    "atom up to the level": Lot(quantile=_steps((0.9, _even(9.0, 9.0)), (0.1, _even(15.0, 30.0))), group=0.1),
+    "whole cm/s": Lot(quantile=lambda u: np.ceil(15.0 + 4.0 * ndtri(np.clip(u, 1e-4, 1.0 - 1e-15)))),
+}
+OPEN = {"normal": 0.001, "exponential": 0.05}
+"""Share of the switches that stay open; of the others 1 %."""
+
+
+def judged(v_cm_s: FloatArray, closed: NDArray[np.bool_], settling_us: FloatArray | None = None) -> Judged:
+    """A response of these."""
+    status = np.zeros(v_cm_s.shape, dtype=np.int8)
+    return Judged(max_contact_speed=v_cm_s / 100.0, closed=closed, status=status, settling_us=settling_us)
+
+
+def holds(interval: Interval, truth: float) -> bool:
+    """Whether the truth is in it, but for rounding."""
+    slack = 1e-9 * max(abs(truth), 1.0)
+    return interval[0] - slack <= truth <= interval[1] + slack
+
+
+def figures(name: str, n: int, repetitions: int, seed: int = 0) -> dict[str, tuple[float, float]]:
+    """Coverage of every interval of one assessment, and how often each is open above."""
+    lot, open_ = LOTS[name], OPEN.get(name, 0.01)
+    truth = lot.truth(open_) | {"closing": 60.0 - 20.0 * math.log(1.0 - LEVEL / (1.0 - open_))}
+    rng = np.random.default_rng((seed, n, list(LOTS).index(name)))
+    held, unbounded = dict.fromkeys(truth, 0), dict.fromkeys(truth, 0)
+    for _ in range(repetitions):
+        closed = rng.random(n) >= open_
+        settling = np.where(closed, 60.0 + rng.exponential(20.0, n), math.inf)
+        response = judged(lot.quantile(rng.random(n)), closed, settling)
+        for figure, interval in _intervals(response).items():
+            held[figure] += holds(interval, truth[figure])
+            unbounded[figure] += interval[1] == math.inf
+    return {figure: (held[figure] / repetitions, unbounded[figure] / repetitions) for figure in truth}
+
+
+def _intervals(response: Judged) -> dict[str, Interval]:
+    a = assess(response, level=LEVEL, limits_cm_s=(LIMIT_CM_S,), c1_cm_s=C1_CM_S)
+    tail = assess(response, level=LEVEL, limits_cm_s=(), c1_cm_s=C1_CM_S, risk="cvar")
+    return {
+        "v_u": a.v_u_interval,
+        "mean V": a.mean_interval,
+        "CVaR": a.cvar_interval,
+        "g": a.g_interval,
+        "g of CVaR": tail.g_interval,
+        "excess": a.p_exceed[0].excess_interval,
+        "p_exceed": a.p_exceed[0].probability.wilson,
+        "p_nc": a.p_nc_intervals.wilson,
+        "closing": a.closing_interval,
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """Two waveforms on the same switches."""
+
+    draw: Callable[[np.random.Generator, int], tuple[FloatArray, FloatArray]]
+    """(V under one, V under the other) [cm/s] of n switches."""
+    v_u: float
+    """True difference of v_u [cm/s]."""
+    mean: float
+    """True difference of mean V [cm/s]."""
+    open_: tuple[float, float] = (0.01, 0.01)
+    """Share that stays open under one only, under the other only."""
+
+
+def _normal_pair(scale: float, noise: float, shared: float = 3.0) -> Pair:
+    """15 + shared x against scale (15 + shared x) + noise y."""
+
+    def draw(rng: np.random.Generator, n: int) -> tuple[FloatArray, FloatArray]:
+        a = 15.0 + shared * rng.standard_normal(n)
+        return np.maximum(a, 0.0), np.maximum(scale * a + noise * rng.standard_normal(n), 0.0)
+
+    z = float(ndtri(LEVEL))
+    spread = math.hypot(scale * shared, noise)
+    return Pair(draw=draw, v_u=(15.0 + z * shared) - (15.0 * scale + z * spread), mean=15.0 * (1.0 - scale))
+
+
+def _slams(share: float, then: float) -> Pair:
+    """Even from 8 to 12; under the other a share of the switches, at random, is faster by `then`."""
+
+    def draw(rng: np.random.Generator, n: int) -> tuple[FloatArray, FloatArray]:
+        a = 8.0 + 4.0 * rng.random(n)
+        return a, a + then * (rng.random(n) < share)
+
+    slow = LEVEL / (1.0 - share) if share < 1.0 - LEVEL else 1.0 - (1.0 - LEVEL) / share
+    other = 8.0 + 4.0 * slow + (0.0 if share < 1.0 - LEVEL else then)
+    return Pair(draw=draw, v_u=11.6 - other, mean=-share * then, open_=(0.002, 0.0))
+
+
+PAIRS: dict[str, Pair] = {
+    "correlated": _normal_pair(1.0, 1.5),
+    "shifted": _normal_pair(1.0, 0.05),
+    "scaled": _normal_pair(1.3, 0.0),
+    "independent": _normal_pair(0.0, 3.0),
+    "clusters, 15 %": _slams(0.15, 30.0),
+    "clusters, 8 %": _slams(0.08, 30.0),
+    "rarely different": _slams(0.03, 10.0),
+}
+
+
+def pairs(name: str, n: int, repetitions: int, seed: int = 0) -> dict[str, tuple[float, float]]:
+    """Coverage of the intervals of a paired comparison."""
+    pair = PAIRS[name]
+    truth = {"v_u": pair.v_u, "mean V": pair.mean, "p_nc": pair.open_[0] - pair.open_[1]}
+    rng = np.random.default_rng((seed, n, list(PAIRS).index(name)))
+    held, unbounded = dict.fromkeys(truth, 0), dict.fromkeys(truth, 0)
+    for _ in range(repetitions):
+        a, b = pair.draw(rng, n)
+        u = rng.random(n)
+        one, other = judged(a, u >= pair.open_[0]), judged(b, u < 1.0 - pair.open_[1])
+        c = compare((one, _plain(one)), (other, _plain(other)))
+        for figure, interval in zip(truth, (c.v_u_interval, c.mean_interval, c.p_nc_interval), strict=True):
+            held[figure] += holds(interval, truth[figure])
+            unbounded[figure] += interval[1] == math.inf
+    return {figure: (held[figure] / repetitions, unbounded[figure] / repetitions) for figure in truth}
+
+
+def _plain(response: Judged) -> Assessment:
+    return assess(response, level=LEVEL, limits_cm_s=())
+
+
+def proportions(n: int) -> dict[str, tuple[float, float]]:
+    """(mean, least) coverage of the three intervals of a proportion, over p from 0.1/n to 1/2, by enumeration."""
+    k = np.arange(n + 1)
+    p = np.geomspace(0.1 / n, 0.5, 400)
+    weight = binom.pmf(k[:, None], n, p)
+    out = {}
+    for kind in ("wald", "wilson", "clopper_pearson"):
+        ends = np.array([getattr(intervals, kind)(int(c), n) for c in k])
+        inside = (ends[:, :1] <= p) & (p <= ends[:, 1:])
+        coverage = (weight * inside).sum(axis=0)
+        out[kind] = float(coverage.mean()), float(coverage.min())
+    return out
+
+
+def races(rare: float, repetitions: int, seed: int = 0) -> float:
+    """Share of races that hold: the better one stays in, or the margin says what is lost. p_nc differs rarely."""
+    held = 0
+    for k in range(repetitions):
+        rng = np.random.default_rng((seed, k))
+        v = 15.0 + rng.standard_normal(4000)
+        one = judged(v, rng.random(4000) >= rare)
+        other = judged(v + 0.1, np.ones(4000, dtype=bool))
+        field = [one, other]
+
+        def respond(i: int, n: int, field: Sequence[Judged] = field) -> Judged:
+            return judged(100.0 * field[i].max_contact_speed[:n], field[i].closed[:n])
+
+        last = race(2, sizes(500, 4000), respond, tolerance_cm_s=0.05, c1_cm_s=0.4 / rare).laps[-1]
+        held += not (1 in last.out or (last.best == 0 and last.margin_cm_s < 0.3))
+    return held / repetitions
+
+
+def _table(title: str, found: Iterator[tuple[str, float, Mapping[int, Mapping[str, tuple[float, float]]]]]) -> None:
+    """found: (name, share of its rarest group, {n: {figure: (coverage, how often open above)}})."""
+    print(f"\n## {title}\n")
+    for i, (name, group, by_size) in enumerate(found):
+        of_figures = list(next(iter(by_size.values())))
+        if i == 0:
+            print("| | n | " + " | ".join(of_figures) + " |")
+            print("| --- | ---: |" + " ---: |" * len(of_figures))
+        for n, at in by_size.items():
+            cells = []
+            for figure, (coverage, unbounded) in at.items():
+                text = f"{coverage:.3f}" + (f" (open {unbounded:.0%})" if unbounded >= 0.005 else "")
+                missing = 0.0 < group < unseen_share(n) and figure in NEED_ALL
+                cells.append(f"[{text}]" if missing else text)
+            print(f"| {name} | {n:,} | " + " | ".join(cells) + " |", flush=True)
+
+
+NEED_ALL = ("mean V", "CVaR", "g of CVaR", "excess")
+"""Figures that a group which no draw shows can change by any amount."""
+
+
+def main() -> None:
+    sections: dict[str, Callable[[int], None]] = {
+        "figures": lambda r: _table(
+            "Figures of one waveform",
+            ((name, lot.group, {n: figures(name, n, r) for n in SIZES}) for name, lot in LOTS.items()),
+        ),
+        "pairs": lambda r: _table(
+            "Differences of two waveforms on the same switches (independent draws)",
+            ((name, 0.0, {n: pairs(name, n, r) for n in SIZES}) for name in PAIRS),
+        ),
+        "proportions": _print_proportions,
+        "races": lambda r: print(
+            "\n## Races\n\n| rare p_nc | hold |\n| ---: | ---: |\n"
+            + "\n".join(f"| {rare:g} | {races(rare, r):.3f} |" for rare in (2e-3, 1e-3, 5e-4))
+        ),
+    }
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sections", nargs="*", help=f"which of {', '.join(sections)} [all]")
+    parser.add_argument("--repetitions", type=int, default=10_000)
+    options = parser.parse_args()
+    for name in options.sections or sections:
+        sections[name](options.repetitions)
+
+
+def _print_proportions(_: int) -> None:
+    print("\n## Proportions, by enumeration: mean (least) over p from 0.1/n to 1/2\n")
+    print("| n | Wald, Eq. 11 | Wilson | Clopper–Pearson |\n| ---: | ---: | ---: | ---: |")
+    for n in SIZES:
+        print(f"| {n:,} | " + " | ".join(f"{mean:.3f} ({least:.3f})" for mean, least in proportions(n).values()) + " |")
+
+
+if __name__ == "__main__":
+    main()
