@@ -11,6 +11,7 @@ missing from all draws; the commands say so where they print the interval.
 from __future__ import annotations
 
 import argparse
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,7 +44,7 @@ class Lot:
 
     def expect(self, f: Callable[[FloatArray], FloatArray]) -> float:
         """E[f(V)], finer towards the tail."""
-        w = (np.arange(2_000_000) + 0.5) / 2_000_000
+        w = (np.arange(400_000) + 0.5) / 400_000
         return float((2.0 * w * f(self.quantile(1.0 - w**2))).mean())
 
     def truth(self, open_: float) -> dict[str, float]:
@@ -115,7 +116,7 @@ def holds(interval: Interval, truth: float) -> bool:
 def figures(name: str, n: int, repetitions: int, seed: int = 0) -> dict[str, tuple[float, float]]:
     """Coverage of every interval of one assessment, and how often each is open above."""
     lot, open_ = LOTS[name], OPEN.get(name, 0.01)
-    truth = lot.truth(open_) | {"closing": 60.0 - 20.0 * math.log(1.0 - LEVEL / (1.0 - open_))}
+    truth = _truth(name)
     rng = np.random.default_rng((seed, n, list(LOTS).index(name)))
     held, unbounded = dict.fromkeys(truth, 0), dict.fromkeys(truth, 0)
     for _ in range(repetitions):
@@ -126,6 +127,12 @@ def figures(name: str, n: int, repetitions: int, seed: int = 0) -> dict[str, tup
             held[figure] += holds(interval, truth[figure])
             unbounded[figure] += interval[1] == math.inf
     return {figure: (held[figure] / repetitions, unbounded[figure] / repetitions) for figure in truth}
+
+
+@functools.cache
+def _truth(name: str) -> dict[str, float]:
+    open_ = OPEN.get(name, 0.01)
+    return LOTS[name].truth(open_) | {"closing": 60.0 - 20.0 * math.log(1.0 - LEVEL / (1.0 - open_))}
 
 
 def _intervals(response: Judged) -> dict[str, Interval]:
@@ -156,18 +163,19 @@ class Pair:
     """True difference of mean V [cm/s]."""
     open_: tuple[float, float] = (0.01, 0.01)
     """Share that stays open under one only, under the other only."""
+    group: float = 0.0
+    """Share of the rarest group that matters to the mean; 0: none."""
 
 
-def _normal_pair(scale: float, noise: float, shared: float = 3.0) -> Pair:
-    """15 + shared x against scale (15 + shared x) + noise y."""
+def _normal_pair(own: float, shared: float, middle: float = 20.0) -> Pair:
+    """20 + 3 x against middle + shared x + own y; never near 0."""
 
     def draw(rng: np.random.Generator, n: int) -> tuple[FloatArray, FloatArray]:
-        a = 15.0 + shared * rng.standard_normal(n)
-        return np.maximum(a, 0.0), np.maximum(scale * a + noise * rng.standard_normal(n), 0.0)
+        x, y = rng.standard_normal((2, n))
+        return 20.0 + 3.0 * x, middle + shared * x + own * y
 
-    z = float(ndtri(LEVEL))
-    spread = math.hypot(scale * shared, noise)
-    return Pair(draw=draw, v_u=(15.0 + z * shared) - (15.0 * scale + z * spread), mean=15.0 * (1.0 - scale))
+    there = 20.0 + 3.0 * float(ndtri(LEVEL)) - middle - math.hypot(shared, own) * float(ndtri(LEVEL))
+    return Pair(draw=draw, v_u=there, mean=20.0 - middle)
 
 
 def _slams(share: float, then: float) -> Pair:
@@ -179,14 +187,15 @@ def _slams(share: float, then: float) -> Pair:
 
     slow = LEVEL / (1.0 - share) if share < 1.0 - LEVEL else 1.0 - (1.0 - LEVEL) / share
     other = 8.0 + 4.0 * slow + (0.0 if share < 1.0 - LEVEL else then)
-    return Pair(draw=draw, v_u=11.6 - other, mean=-share * then, open_=(0.002, 0.0))
+    return Pair(draw=draw, v_u=11.6 - other, mean=-share * then, open_=(0.002, 0.0), group=share)
 
 
 PAIRS: dict[str, Pair] = {
-    "correlated": _normal_pair(1.0, 1.5),
-    "shifted": _normal_pair(1.0, 0.05),
-    "scaled": _normal_pair(1.3, 0.0),
-    "independent": _normal_pair(0.0, 3.0),
+    "correlated": _normal_pair(1.5, 3.0),
+    "shifted": _normal_pair(0.05, 3.0, 22.0),
+    "scaled": _normal_pair(0.0, 3.9, 26.0),
+    "independent": _normal_pair(3.0, 0.0),
+    "opposed": _normal_pair(0.0, -3.0),
     "clusters, 15 %": _slams(0.15, 30.0),
     "clusters, 8 %": _slams(0.08, 30.0),
     "rarely different": _slams(0.03, 10.0),
@@ -275,7 +284,7 @@ def main() -> None:
         ),
         "pairs": lambda r: _table(
             "Differences of two waveforms on the same switches (independent draws)",
-            ((name, 0.0, {n: pairs(name, n, r) for n in SIZES}) for name in PAIRS),
+            ((name, pair.group, {n: pairs(name, n, r) for n in SIZES}) for name, pair in PAIRS.items()),
         ),
         "proportions": _print_proportions,
         "races": lambda r: print(

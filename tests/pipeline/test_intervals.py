@@ -141,7 +141,7 @@ def test_student_interval_is_scipys() -> None:
 def test_mean_interval_holds_students_and_halls_and_moves_with_the_draws(
     draws: list[float], scale: float, shift: float
 ) -> None:
-    """Hall's (1992): the ends are where the transformed t is at Student's quantile. Signs, units, shifts change none."""
+    """Hall's (1992): the ends are where the transformed t is at Student's quantile. Signs and units change none."""
     x = np.array(draws)
     n, mean = x.size, float(x.mean())
     low, high = intervals.mean_interval(x)

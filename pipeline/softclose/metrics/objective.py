@@ -75,7 +75,7 @@ class Exceedance:
     excess_cm_s: float
     """Expected excess E[max(V - limit, 0)] over the switches in contact; NaN where none touched."""
     excess_interval: Interval
-    """Student's interval, 0 at least."""
+    """Its interval (`intervals.mean_interval`), 0 at least; open above where fewer than five draws exceed the limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,12 +107,11 @@ class Assessment:
     cvar_cm_s: float
     """Conditional value at risk: mean V of the switches in contact above the quantile; NaN where undefined."""
     cvar_interval: Interval
-    """Asymptotic interval: of 95 %, some 93.5 % hold at 1,000 switches and 94.7 % at 8,000 where the tail is
-    exponential."""
+    """That of a mean (`intervals.mean_interval`); open above where fewer than five draws exceed v_u."""
     mean_cm_s: float
     """Mean V over the switches in contact; NaN where none touched."""
     mean_interval: Interval
-    """Student's interval."""
+    """Student's interval, widened where V is skewed (`intervals.mean_interval`)."""
     max_cm_s: float
     """Largest V of the ensemble; NaN where none touched."""
     p_nc: float

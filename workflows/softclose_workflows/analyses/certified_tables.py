@@ -9,7 +9,7 @@ from softclose_workflows.analyses.opening import openings_to_json, print_opening
 from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import finite, waveform_rows
-from softclose_workflows.tell.tables import print_designs
+from softclose_workflows.tell.tables import ends, interval_kinds, print_designs, with_interval
 
 if TYPE_CHECKING:
     from softclose.metrics.paired import Comparison
@@ -27,7 +27,7 @@ def print_certification(result: Certification) -> None:
             (_label(result, d), waveform_rows(d.waveform.rows()), records.assessment_record(d.assessment))
             for d in (*result.candidates, *result.references)
         ],
-        f"{result.best.assessment.confidence:.0%} intervals: order statistics (v_u), Student (mean V), Wilson (p_nc).",
+        interval_kinds(result.best.assessment.confidence, result.n_switches),
     )
     console = wide_console()
     best = result.best
@@ -38,15 +38,11 @@ def print_certification(result: Certification) -> None:
         console.print(f"  {best.assessment.limit.sentence}")
     for exceedance in best.assessment.p_exceed:
         console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s) {_proportion(exceedance.probability)}")
-        lower, upper = exceedance.excess_interval
-        console.print(
-            f"  expected excess over {exceedance.limit_cm_s:g} cm/s: {exceedance.excess_cm_s:.4f} "
-            f"({lower:.4f}–{upper:.4f}) cm/s"
-        )
+        excess = with_interval(exceedance.excess_cm_s, *exceedance.excess_interval, 4)
+        console.print(f"  expected excess over {exceedance.limit_cm_s:g} cm/s: {excess} cm/s")
     a = best.assessment
-    lower, upper = a.cvar_interval
     fastest = f"{100.0 * (1.0 - a.level):g} %"
-    console.print(f"  mean V of the fastest {fastest} (CVaR): {a.cvar_cm_s:.2f} ({lower:.2f}–{upper:.2f}) cm/s")
+    console.print(f"  mean V of the fastest {fastest} (CVaR): {with_interval(a.cvar_cm_s, *a.cvar_interval)} cm/s")
     if best.training is not None:
         console.print(
             f"  the training ensemble ({best.training.n_switches:,} switches) said g {best.training.g_cm_s:.2f}: "
@@ -90,19 +86,17 @@ def _label(result: Certification, design: Certified) -> str:
 def comparison_line(c: Comparison) -> str:
     """`v_u -21.4 (-21.9 – -20.8) cm/s, softer on 97.1 % of the switches, p_nc +0.0123`."""
     return (
-        f"v_u {c.v_u_cm_s:+.2f} ({c.v_u_interval[0]:+.2f} to {c.v_u_interval[1]:+.2f}) cm/s, "
+        f"v_u {c.v_u_cm_s:+.2f} ({ends(*c.v_u_interval, sign='+')}) cm/s, "
         f"softer on {c.softer.estimate:.1%} of the switches, p_nc {c.p_nc:+.4f} "
-        f"({c.p_nc_interval[0]:+.4f} to {c.p_nc_interval[1]:+.4f})"
+        f"({ends(*c.p_nc_interval, 4, '+')})"
     )
 
 
 def _proportion(p: Proportion) -> str:
-    def ends(interval: Interval) -> str:
-        return f"{interval[0]:.4f}–{interval[1]:.4f}"
+    def of(interval: Interval) -> str:
+        return ends(*interval, 4)
 
-    return (
-        f"{p.estimate:.4f} (Eq. 11: {ends(p.wald)}; Wilson {ends(p.wilson)}; Clopper-Pearson {ends(p.clopper_pearson)})"
-    )
+    return f"{p.estimate:.4f} (Eq. 11: {of(p.wald)}; Wilson {of(p.wilson)}; Clopper-Pearson {of(p.clopper_pearson)})"
 
 
 def certification_to_json(result: Certification) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from softclose_workflows.run.opening import read_opening
 from softclose_workflows.run.records import assessment_record
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import read_standing
-from softclose_workflows.tell.tables import print_designs, trouble_lines
+from softclose_workflows.tell.tables import interval_kinds, print_designs, trouble_lines
 
 
 def print_result(path: str) -> None:
@@ -28,9 +28,8 @@ def print_result(path: str) -> None:
         raise Stopped(f"none of its {standing.committed} candidates could be assessed; first reason: {standing.reason}")
     switches = campaign.lot()[: best.n_switches]
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
-    interval = f"{config.objective.confidence:.0%}"
     kind = (
-        f"{interval} intervals in brackets"
+        interval_kinds(config.objective.confidence, best.n_switches).removesuffix(".")
         if config.population.sampling == "monte-carlo"
         else "quasi-random sample: the bracketed intervals do not hold"
     )

@@ -57,7 +57,7 @@ def assess(
     from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text, waveform_rows
-    from softclose_workflows.tell.tables import print_designs
+    from softclose_workflows.tell.tables import interval_kinds, print_designs
 
     read = read_trace(trace, time_unit=time_unit, shift_us=shift_us, gain=gain)
     drive = read.simplified(tolerance_volts) if tolerance_volts > 0.0 else read
@@ -79,10 +79,8 @@ def assess(
         name = f"candidate {found.best.candidate} ({found.best.why})"
         best = waveform_rows(found.best.waveform.rows())
         rows.append((name, best, records.assessment_record(found.best_assessment)))
-    confidence = (
-        f"{found.assessment.confidence:.0%} intervals: order statistics (v_u), Student (mean V), Wilson (p_nc)."
-    )
-    print_designs(f"On {switches:,} fresh switches (seed {found.seed})", rows, confidence)
+    kinds = interval_kinds(found.assessment.confidence, switches)
+    print_designs(f"On {switches:,} fresh switches (seed {found.seed})", rows, kinds)
     if found.comparison is not None and found.best is not None:
         click.echo(f"against candidate {found.best.candidate}: {comparison_line(found.comparison)}")
     if kept is not None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from softclose.metrics.intervals import unseen_share
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing
@@ -27,7 +28,28 @@ def with_interval(value: float, lower: float, upper: float, digits: int = 2) -> 
         return "–"
     if math.isnan(lower) or math.isnan(upper):
         return f"{value:.{digits}f}"
-    return f"{value:.{digits}f} ({lower:.{digits}f}–{upper:.{digits}f})"
+    return f"{value:.{digits}f} ({ends(lower, upper, digits)})"
+
+
+def ends(lower: float, upper: float, digits: int = 2, sign: str = "") -> str:
+    """`19.21–20.14`, with "to" between signed numbers; an end that nothing bounds is ∞."""
+
+    def end(value: float) -> str:
+        return f"{value:{sign}.{digits}f}".replace("inf", "∞")
+
+    return f"{end(lower)}{' to ' if sign else '–'}{end(upper)}"
+
+
+def interval_kinds(confidence: float, n: int) -> str:
+    """What the intervals of a table are, and what none of them knows; n: switches.
+
+    Which of them keep their promise, and for which n: docs/measurements/coverage.md.
+    """
+    return (
+        f"{confidence:.0%} intervals: order statistics (v_u), Student and Hall (mean V, CVaR), Wilson (p_nc: right on "
+        f"average, down to 84 % near 0 and 1). None knows of a group that no switch is from: up to "
+        f"{unseen_share(n, confidence):.2g} of a lot can be missing from {n:,}."
+    )
 
 
 def metrics_row(record: Mapping[str, Any]) -> list[str]:

@@ -1,0 +1,103 @@
+"""Claims about every interval of a figure: it holds as often as it says, for hard distributions too.
+
+A small version of benchmarks/coverage.py, whose 10,000 repetitions are in docs/measurements/coverage.md.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softclose.metrics.intervals import unseen_share
+from softclose.metrics.objective import assess
+from softclose.metrics.paired import compare, proportion_difference
+
+
+def _benchmark() -> Any:
+    path = Path(__file__).parents[2] / "benchmarks" / "coverage.py"
+    spec = importlib.util.spec_from_file_location("coverage_benchmark", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+coverage = _benchmark()
+N_REPETITIONS = 200
+LEAST = 0.95 - 3.5 * math.sqrt(0.95 * 0.05 / N_REPETITIONS)
+"""What 95 % of 200 may come out as by chance, once in some thousand cells: 0.896."""
+ON_AVERAGE = ("p_nc", "p_exceed")
+"""Wilson's: right on average over p, less at some; their exact coverage is enumerated in test_intervals."""
+
+
+@pytest.mark.parametrize("name", list(coverage.LOTS))
+@pytest.mark.parametrize("n", [50, 200])
+def test_every_interval_of_a_figure_holds(name: str, n: int) -> None:
+    lot = coverage.LOTS[name]
+    unseen = 0.0 < lot.group < unseen_share(n)
+    for figure, (held, _) in coverage.figures(name, n, N_REPETITIONS).items():
+        if figure not in ON_AVERAGE and not (unseen and figure in coverage.NEED_ALL):
+            assert held >= LEAST, f"{figure} of {name} at n = {n}: {held:.3f}"
+
+
+@pytest.mark.parametrize("name", list(coverage.PAIRS))
+@pytest.mark.parametrize("n", [50, 200])
+def test_every_interval_of_a_difference_holds(name: str, n: int) -> None:
+    pair = coverage.PAIRS[name]
+    for figure, (held, _) in coverage.pairs(name, n, N_REPETITIONS).items():
+        if not (figure == "mean V" and 0.0 < pair.group < unseen_share(n)):
+            assert held >= LEAST, f"{figure} of {name} at n = {n}: {held:.3f}"
+
+
+@pytest.mark.parametrize("n", [40, 300])
+@pytest.mark.parametrize(("only_a", "only_b"), [(0.1, 0.0), (2.0, 0.0), (4.0, 0.0), (0.5, 0.5), (5.0, 0.5), (8.0, 8.0)])
+def test_a_difference_of_rare_proportions_holds_by_enumeration(n: int, only_a: float, only_b: float) -> None:
+    """only_a, only_b: expected numbers of switches that stay open under one waveform only."""
+    from scipy.stats import multinomial
+
+    p = np.array([only_a, only_b, n - only_a - only_b]) / n
+    held = 0.0
+    for a in range(min(n, 40)):
+        for b in range(min(n - a, 40)):
+            low, high = proportion_difference(a, b, n)
+            if low <= p[0] - p[1] <= high:
+                held += multinomial.pmf([a, b, n - a - b], n, p)
+    assert held >= 0.948
+
+
+def test_none_above_a_limit_bounds_no_excess() -> None:
+    """Of 50 switches none exceeds it: the expected excess is anything, for one of a thousand may be far above."""
+    rng = np.random.default_rng(3)
+    slow = coverage.judged(10.0 + rng.random(50), np.ones(50, dtype=bool))
+    assert assess(slow).p_exceed[0].excess_interval == (0.0, math.inf)
+    five = coverage.judged(np.r_[np.full(45, 10.0), np.full(5, 30.0)], np.ones(50, dtype=bool))
+    low, high = assess(five).p_exceed[0].excess_interval
+    assert 0.0 <= low < 1.03 < high < 5.0
+
+
+def test_fewer_than_five_beyond_v_u_bound_no_tail() -> None:
+    rng = np.random.default_rng(4)
+    v = rng.exponential(10.0, 49)
+    few, enough = (coverage.judged(x, np.ones(x.size, dtype=bool)) for x in (v, np.r_[v, v]))
+    assert assess(few).cvar_interval[1] == math.inf
+    assert math.isfinite(assess(enough).cvar_interval[1])
+    assert assess(few, risk="cvar").g_interval[1] == math.inf
+
+
+def test_too_few_switches_bound_no_difference_of_v_u() -> None:
+    rng = np.random.default_rng(5)
+    pair = [coverage.judged(rng.exponential(10.0, 20), np.ones(20, dtype=bool)) for _ in range(2)]
+    a, b = ((r, assess(r)) for r in pair)
+    assert compare(a, b).v_u_interval == (-math.inf, math.inf)
+
+
+def test_races_hold_where_p_nc_rarely_differs() -> None:
+    assert coverage.races(1e-3, 100) >= 0.94
