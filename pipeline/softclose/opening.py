@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from softclose.evaluate import N_PARAMETERS, respond
 from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_estimate
+from softclose.plugins import REDUCED_ORDER
 from softclose.propose.descents import strategy
 from softclose.settings import CampaignConfig
 from softclose.switch.plate import holding_voltage
@@ -24,6 +25,10 @@ from softclose.waveform import FloatArray, Pulse, Waveform
 
 BAND = 0.05
 """A switch has settled where its displacement stays within this part of its travel."""
+AT_REST = 1e-6
+"""Speed [µm/µs] up to which a switch in a rigid contact is at rest: rounding."""
+AT_REST_SOFT = 1e-3
+"""Speed [µm/µs] up to which it is in a compliant one, whose last ringing fades without end: 0.1 cm/s."""
 LOOKS = 800
 """Looks at a motion while it is watched."""
 GENERATION = 12
@@ -53,7 +58,8 @@ class Released:
     overshoot: FloatArray
     """(n,) largest displacement beyond rest, in travels D; NaN where it was not held."""
     settling_us: FloatArray
-    """(n,) time from the begin of the fall to |x| within `BAND` D for good [µs]; inf: not in time, NaN: not held."""
+    """(n,) time from the begin of the fall to |x| within `BAND` D for good [µs], seen for half a period of its own or
+    more; inf: not in time, NaN: not held."""
     times_us: FloatArray
     """(n_time,) instants from the begin of the fall [µs]."""
     quantiles: FloatArray
@@ -155,14 +161,19 @@ def let_go(
     assert found.v is not None
     assert found.impact_time_us is not None
     x = np.asarray(found.x, dtype=np.float64) / switches[:, :1]
-    held = (np.abs(x[:, 0] - 1.0) < 1e-6) & (np.abs(np.asarray(found.v)[:, 0]) < 1e-6) & (found.status == 0)
+    soft = config.model.name == REDUCED_ORDER and config.build_reduced_order().contact is not None
+    # In contact is at the travel or, by a compliant contact's indentation, beyond it.
+    slow = np.abs(np.asarray(found.v)[:, 0]) < (AT_REST_SOFT if soft else AT_REST)
+    held = (x[:, 0] > 1.0 - 1e-6) & slow & (found.status == 0)
     away = x < 1.0 - 1e-6
     left = away.any(axis=1)
     leaves = at_us + times[np.where(left, away.argmax(axis=1), 0)]
     later = np.asarray(found.impact_time_us) > leaves[:, None]
     outside = np.abs(x) > BAND
     last = np.where(outside.any(axis=1), times.size - 1 - outside[:, ::-1].argmax(axis=1), 0)
-    settling = np.where(last == times.size - 1, math.inf, times[last])
+    # A switch that swings for ever crosses the band once in half a period: only half a period inside it is rest.
+    half_us = math.pi * np.sqrt(switches[:, 3] / (1e-3 * switches[:, 2]))
+    settling = np.where(times[-1] - times[last] < half_us, math.inf, times[last])
     return Released(
         waveform=waveform,
         held=held,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -106,3 +107,37 @@ def test_parts_of_a_lot_are_the_lot() -> None:
     parts = joined([let_go(config, part, drive, at_us=250.0) for part in np.split(switches, 3)])
     for name in ("held", "stuck", "rebound", "overshoot", "settling_us"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), name)
+
+
+@pytest.mark.parametrize("watch_us", [150.0, 163.0, 190.0, 201.0])
+def test_what_swings_for_ever_never_settles(watch_us: float) -> None:
+    """Without losses every switch crosses the band twice a period, also at the last look."""
+    config = load_config({}, [f"opening.watch_us={watch_us}"])
+    found = let_go(config, draw(config, 300, seed=5), opened(STEP, 250.0), at_us=250.0)
+    assert found.held.sum() > 280
+    assert np.isinf(found.settling_us[found.held]).all()
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 5e4, 5e5])
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_a_compliant_contact_lets_go_whatever_its_indentation(
+    tmp_path: Path, stiffness: float, exponent: float
+) -> None:
+    """It holds beyond the travel, by nanometres or by a tenth of it, and opens like a rigid one."""
+    modes = tmp_path / "soft.toml"
+    modes.write_text(
+        "[[mode]]\nfrequency_kHz = 22.0\nquality_factor = 5.0\n[contact]\n"
+        f"stiffness_N_per_m = {stiffness}\nexponent = {exponent}\nloss_us_per_um = 8.0\n"
+    )
+    config = load_config(
+        {}, ["model.name=reduced-order", f"model.modes={modes}", "opening.watch_us=300", "waveform.max_volts=150"]
+    )
+    switches = draw(config, 40, seed=1)
+    found = judge_opening(config, switches, opened(STEP, 250.0), at_us=250.0)
+    assert found.n == 40
+    assert found.p_stuck.estimate == 0.0
+    assert found.released.quantiles[1, 0] > 1.0, "held beyond the travel"
+    rigid = load_config({}, ["model.quality_factor=5.0", "opening.watch_us=300"])
+    expected = judge_opening(rigid, switches, opened(STEP, 250.0), at_us=250.0)
+    assert found.settling_us == pytest.approx(expected.settling_us, abs=3.0)
+    assert found.overshoot == pytest.approx(expected.overshoot, rel=0.15)

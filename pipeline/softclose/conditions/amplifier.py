@@ -71,8 +71,10 @@ _STREAM = 7_200_000
 """Added to an ensemble's stream: a drive's errors are independent of its switch."""
 
 TOLERANCE_VOLTS = 1e-2
-"""Samples of a delivered waveform that lines through the others meet to this are left out [V]: V moves by
-0.001 cm/s in the median."""
+"""Samples of a delivered waveform that lines through the others meet to this are left out [V].
+
+On twelve waveforms through 50 kHz V moves by 0.0005 to 0.010 cm/s in the median, by 0.04 for one switch in a hundred;
+1 mV would bring that to 0.001 with three times as many lines, each a step of the kernel."""
 
 
 @lru_cache(maxsize=64)
@@ -103,22 +105,53 @@ def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float) 
     if a.resolution_volts > 0.0:
         u = a.resolution_volts * np.round(u / a.resolution_volts)
     u = a.gain * u + a.offset_volts
+    jumps, left = _jumps(a, waveform, t, u)
     if a.slew_volts_per_us > 0.0:
-        u = _slewed(u, a.slew_volts_per_us * a.step_us, a.offset_volts)
+        u = _slewed(u, a.slew_volts_per_us * a.step_us, a.offset_volts, left)
+    elif a.bandwidth_kHz > 0.0:
+        # Lines between the samples spread a jump over its step: with its area kept, the error is of second order.
+        u = u + (left - 0.5) * jumps
     if a.bandwidth_kHz > 0.0:
         u = a.offset_volts + _low_pass(a, u - a.offset_volts)
     return Trace(t, u).simplified(TOLERANCE_VOLTS)
 
 
-def _slewed(u: FloatArray, most: float, first: float) -> FloatArray:
-    """Follow u by at most so much a step, from `first` on."""
-    if np.abs(np.diff(u, prepend=first)).max() <= most:
+def _jumps(a: AmplifierSection, waveform: Waveform, t: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n,) by how much the command jumps in the step that ends at each sample [V], and what part of the step is left.
+
+    It jumps at the ideal edges of pulses, and with a resolution in time at every sample. Without a jump: 0 and 1.
+    """
+    jumps, left = np.zeros(t.size), np.ones(t.size)
+    left[0] = 0.0  # at rest until 0
+    if a.resolution_us > 0.0:
+        return np.diff(u, prepend=a.offset_volts), np.zeros(t.size)
+    for pulse in waveform.pulses:
+        if pulse.rise_us == 0.0:
+            for edge, volts in ((pulse.start_us, pulse.volts), (pulse.end_us, -pulse.volts)):
+                late = edge + a.delay_us
+                i = int(np.searchsorted(t, late))
+                if i < t.size:
+                    jumps[i] += a.gain * volts
+                    left[i] = min(left[i], (t[i] - late) / a.step_us)
+    return jumps, left
+
+
+def _slewed(u: FloatArray, most: float, first: float, part: FloatArray) -> FloatArray:
+    """Follow u by at most so much a step, from `first` on; of a step with a jump, by what is left of it behind it.
+
+    part: (n,) as `_jumps` has it; 0: the step before still had the sample before as its goal.
+    """
+    if np.abs(np.diff(u, prepend=first)).max() <= most and u[0] == first and (part[1:] == 1.0).all():
         return u
     found = np.empty_like(u)
-    at = first
-    for i, goal in enumerate(u.tolist()):
-        at += min(max(goal - at, -most), most)
-        found[i] = at
+    at = before = first
+    for i, (goal, left) in enumerate(zip(u.tolist(), part.tolist(), strict=True)):
+        if left < 1.0:  # what the limiter still owed when the command jumped
+            owed = most * (1.0 - left)
+            at += min(max(before - at, -owed), owed)
+        room = most * left
+        at += min(max(goal - at, -room), room)
+        found[i], before = at, goal
     return found
 
 
