@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from softclose.kernel import dispatch
 from softclose.switch.losses import Losses
 from softclose.switch.reduced_order import ReducedOrder
-from softclose.waveform import MAX_VOLTS, Trace, Waveform
+from softclose.waveform import MAX_VOLTS, AnyDrive
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -145,7 +145,7 @@ _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 def simulate(
     switches: ArrayLike,
-    waveform: Waveform | Trace,
+    waveform: AnyDrive,
     *,
     horizon_us: float = 250.0,
     restitution: float | FloatArray = 0.5,
@@ -161,6 +161,8 @@ def simulate(
     max_steps: int = dispatch.MAX_STEPS,
     losses: Losses | None = None,
     modes: ReducedOrder | None = None,
+    drive_volts: FloatArray | None = None,
+    drive_times: FloatArray | None = None,
 ) -> Responses:
     """Integrate Eqs. 1-2 for every switch under one waveform; with losses or several modes, what takes their place.
 
@@ -171,8 +173,8 @@ def simulate(
     ----------
     switches : (n, 4) array-like of float64
         Columns D [µm], G [µm], K [N/m], M [µg].
-    waveform : Waveform or Trace
-        The drive voltage. A trace takes a step for each of its samples (`Trace.simplified`).
+    waveform : Waveform, Delivered, Fitted or Trace
+        The drive voltage. A trace takes a step for each of its samples (`Fitted.of`, `Trace.simplified`).
     horizon_us : float
         End of the simulation [µs].
     restitution : float or (n,) ndarray
@@ -202,6 +204,10 @@ def simulate(
         Runge-Kutta method of several modes.
     modes : ReducedOrder, optional
         The modes of the switch: K and M are those of the first, with the others in proportion.
+    drive_volts, drive_times : (n,) ndarray of float64, optional
+        What the volts and the times of each switch's command are multiplied by; of a delivered drive the command's, its
+        way does not scale. A switch is seen until its own horizon, the time scale times `horizon_us`, and sampled at as
+        many times `times_us`. The Taylor kernel takes them, of one mode.
 
     Returns
     -------
@@ -225,7 +231,7 @@ def simulate(
         raise SimulationError(f"rtol is {rtol!r}; below {RTOL_RANGE[0]:g} rounding dominates: use a larger one")
     if method not in dispatch.METHODS:
         raise SimulationError(f"method is {method!r}; it must be one of {', '.join(dispatch.METHODS)}")
-    if not isinstance(waveform, Waveform | Trace):
+    if not isinstance(waveform, AnyDrive):
         raise SimulationError(
             f"waveform is a {type(waveform).__name__}; it must be a softclose.Waveform, e.g. Waveform([Pulse(...)])"
         )
@@ -242,6 +248,11 @@ def simulate(
         raise SimulationError(f"modes is a {type(modes).__name__}; it must be a softclose.ReducedOrder")
     if modes is not None:
         _check_reach(modes, table)
+    scales = _scales(drive_volts, drive_times, len(table))
+    if scales is not None and (method != "taylor" or modes is not None):
+        raise SimulationError(
+            "drive_volts and drive_times are for method 'taylor' and one mode: simulate drive by drive"
+        )
     out = dispatch.run(
         table,
         waveform,
@@ -258,7 +269,10 @@ def simulate(
         max_steps=_count("max_steps", max_steps, 1),
         losses=losses if losses is not None else Losses(),
         modes=modes,
+        scales=scales,
     )
+    if scales is not None:
+        _unscale(out, scales.times)
     sampled, n = times_us is not None, len(table)
     return Responses(
         max_contact_speed=out.metrics[0],
@@ -350,6 +364,31 @@ def _number(name: str, value: float, *, low: float, high: float, unit: str = "")
         allowed = f"above {low:g}{unit}" + (f" and at most {high:g}{unit}" if math.isfinite(high) else " and finite")
         raise SimulationError(f"{name} is {number:g}{unit}; it must be {allowed}")
     return number
+
+
+def _scales(volts: FloatArray | None, times: FloatArray | None, n: int) -> dispatch.Scales | None:
+    """Scales of n commands; None where none is scaled."""
+    if volts is None and times is None:
+        return None
+    found = []
+    for name, given in (("drive_volts", volts), ("drive_times", times)):
+        values = np.ones(n) if given is None else np.asarray(given, dtype=np.float64)
+        if values.shape != (n,):
+            raise SimulationError(f"{name} has shape {values.shape}; it must be ({n},), one factor a switch")
+        bad = np.flatnonzero(~((values > 0.0) & np.isfinite(values)))
+        if bad.size:
+            raise SimulationError(f"{name} of switch {bad[0]} is {values[bad[0]]:g}; it must be above 0 and finite")
+        found.append(values)
+    return dispatch.Scales(volts=found[0], times=found[1])
+
+
+def _unscale(out: dispatch.KernelOutput, times: FloatArray) -> None:
+    """Times and speeds of switches whose drives' times are scaled, in place."""
+    out.metrics[1:3] *= times
+    out.metrics[[0, 4]] /= times
+    for values, factor in ((out.impact_time, times), (out.impact_speed, 1.0 / times), (out.v, 1.0 / times)):
+        if values.shape[1]:
+            values *= factor[:, None].astype(values.dtype)
 
 
 def _restitution(value: float | FloatArray, n: int) -> float | FloatArray:

@@ -16,7 +16,9 @@ from softclose.kernel.bounces import MAX_RETURNS
 from softclose.switch.losses import Losses
 from softclose.switch.plate import EPSILON_0
 from softclose.switch.reduced_order import Mode, ReducedOrder
-from softclose.waveform import Trace, Waveform
+from softclose.waveform import AnyDrive, Delivered, Fitted
+from softclose.waveform.flat import flatten_pulses
+from softclose.waveform.lowpass import room
 
 FloatArray = NDArray[np.float64]
 
@@ -43,6 +45,16 @@ class KernelOutput:
     """(n, n_modes) largest displacement by each mode until the first impact [µm]."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """What the command of each switch is scaled by, (n,) float64 each: a u(t / b)."""
+
+    volts: FloatArray
+    """a."""
+    times: FloatArray
+    """b."""
+
+
 def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
     """(n, 4) travel D, gap G [µm], c [µm³/(µs² V²)] and k [1/µs²] of Eq. 1 per mass (SPEC §1)."""
     out = np.empty((len(switches), 4))
@@ -52,14 +64,29 @@ def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
     return out
 
 
-def columns(switches: FloatArray, plate_area_um2: float, restitution: float | FloatArray, losses: Losses) -> FloatArray:
-    """(n, 8): `devices`, restitution, and per mass the damping rate [1/µs], film [µm³/µs] and adhesion [µm/µs²]."""
-    out = np.empty((len(switches), 8))
+def columns(
+    switches: FloatArray,
+    plate_area_um2: float,
+    restitution: float | FloatArray,
+    losses: Losses,
+    v_stick: float = 1e-5,
+    scales: Scales | None = None,
+) -> FloatArray:
+    """(n, 9): `devices`, restitution, per mass the damping rate [1/µs], film [µm³/µs], adhesion [µm/µs²]; v_stick.
+
+    Where drives are scaled, those of the switch that moves alike, its times scaled, under the drive that is not: of
+    t = b s and u(t) = a u0(s) follows x'' = (a b)² c (...) - b² k x - b d x' - ... in s.
+    """
+    out = np.empty((len(switches), 9))
     out[:, :4] = devices(switches, plate_area_um2)
     out[:, 4] = restitution
     out[:, 5] = np.sqrt(out[:, 3]) * losses.damping_ratio
     out[:, 6] = losses.film(plate_area_um2) / switches[:, 3]
     out[:, 7] = 1e-3 * losses.adhesion_uN / switches[:, 3]
+    out[:, 8] = v_stick
+    if scales is not None:
+        a, b = scales.volts, scales.times
+        out[:, 2:] *= np.stack([(a * b) ** 2, b**2, np.ones(len(b)), b, b, b**2, b], axis=1)
     return out
 
 
@@ -85,9 +112,24 @@ def _modal_inputs(
     return table, contact, knots, slopes
 
 
+_NO_ROOM = (np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros((0, 0, 4)))
+
+
+def _ways(drive: AnyDrive, horizon_us: float, scales: Scales | None) -> tuple[int, tuple[Any, ...], tuple[Any, ...]]:
+    """Form and flat form of a drive, and the path and scales of `taylor.run_block`."""
+    if not isinstance(drive, Delivered):
+        form = drive_pieces.POLYNOMIAL if isinstance(drive, Fitted) else drive_pieces.COSINES
+        return form, drive_pieces.flatten(drive, horizon_us), (np.zeros(0), np.ones((1, 3)))
+    rows = np.array([[1.0, drive.delay_us, drive.offset_volts]])
+    if scales is not None and ((scales.times != 1.0).any() or drive.offset_volts != 0.0):
+        # In the times and volts of the command, which c and k account for, it is the way that differs.
+        rows = np.stack([scales.times, drive.delay_us / scales.times, drive.offset_volts / scales.volts], axis=1)
+    return drive_pieces.DECAYING, flatten_pulses(drive.command, horizon_us), (drive.path(horizon_us), rows)
+
+
 def run(
     switches: FloatArray,
-    waveform: Waveform | Trace,
+    drive: AnyDrive,
     *,
     horizon_us: float,
     restitution: float | FloatArray,
@@ -102,10 +144,13 @@ def run(
     max_steps: int,
     losses: Losses,
     modes: ReducedOrder | None,
+    scales: Scales | None,
 ) -> KernelOutput:
-    """Integrate every switch. Inputs are valid already (`ensemble.simulate`). Each switch is computed on its own."""
+    """Integrate every switch. Inputs are valid already (`device.simulate`). Each switch is computed on its own.
+
+    With scales, times and speeds of the output are those of the scaled switches (`columns`).
+    """
     n = len(switches)
-    pieces, n_ramps, ramps = drive_pieces.flatten(waveform, horizon_us)
     # An output that is not wanted is one empty row: every call has the same types, so nothing is compiled again.
     n_rows, n_events = (n if len(times_us) else 1), (n if max_impacts else 1)
     out = KernelOutput(
@@ -118,8 +163,7 @@ def run(
         x=np.empty((n_rows, len(times_us)), dtype=dtype),
         v=np.empty((n_rows, len(times_us)), dtype=dtype),
     )
-    drive = (pieces, n_ramps, ramps)
-    settings = (v_stick, rtol, max_steps)
+    settings = (rtol, max_steps)
     events = (out.metrics, out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed)
     work: Callable[[int, int], None]
     if modes is not None or (method == "rk" and not losses.none):
@@ -131,12 +175,15 @@ def run(
         block = modal.block(len(modes.mode))
         table, *shared = _modal_inputs(switches, plate_area_um2, losses, modes)
         ratios, damping, eta = modes.ratios(), losses.damping_ratio, restitution
+        flat = drive_pieces.flatten(drive, horizon_us)
 
         def rows(lo: int, hi: int, lost: Any, rebound: Any) -> None:
             own = ratios.copy()
             if lost > 0.0:
                 own[:, 2] = lost
-            block(lo, hi, table, own, *shared, *drive, rebound, *settings, times_us, *events, out.x, out.v, peaks)
+            block(
+                lo, hi, table, own, *shared, *flat, rebound, v_stick, *settings, times_us, *events, out.x, out.v, peaks
+            )
 
         def work(lo: int, hi: int) -> None:
             if np.ndim(damping) == np.ndim(eta) == 0:
@@ -147,19 +194,34 @@ def run(
             return None
 
     elif method == "taylor":
-        columned = columns(switches, plate_area_um2, restitution, losses)
-        block = taylor.block(lossy=losses.moving, film=bool(np.any(losses.film_viscosity_uPa_s)))
+        table = columns(switches, plate_area_um2, restitution, losses, v_stick, scales)
+        form, flat, way = _ways(drive, horizon_us, scales)
+        block = taylor.block(form=form, lossy=losses.moving, film=bool(np.any(losses.film_viscosity_uPa_s)))
         unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
         samples = (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
 
         def work(lo: int, hi: int) -> None:
-            block(lo, hi, columned, np.empty((3, MAX_RETURNS)), *drive, *settings, times_us, *events, *samples)
+            scratch = room(flat[0], flat[2]) if form == drive_pieces.DECAYING else _NO_ROOM
+            block(
+                lo,
+                hi,
+                table,
+                np.empty((3, MAX_RETURNS)),
+                *flat,
+                *way,
+                *scratch,
+                *settings,
+                times_us,
+                *events,
+                *samples,
+            )
 
     else:
-        columned = columns(switches, plate_area_um2, restitution, losses)
+        table = columns(switches, plate_area_um2, restitution, losses)
+        flat = drive_pieces.flatten(drive, horizon_us)
 
         def work(lo: int, hi: int) -> None:
-            rk.run_block(lo, hi, columned, *drive, *settings, times_us, *events, out.x, out.v)
+            rk.run_block(lo, hi, table, *flat, v_stick, *settings, times_us, *events, out.x, out.v)
 
     threads = min(threads, n)
     if threads <= 1:

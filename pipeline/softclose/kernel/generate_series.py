@@ -1,4 +1,4 @@
-"""Owns series.py and lossy_series.py: the power series of the fast kernel as straight-line code.
+"""Owns series.py, lossy_series.py and drive_series.py: the power series of the fast kernel as straight-line code.
 
 Loops over short arrays cost 450 ns for one step of order 14; the same sums written out keep every coefficient in a
 register and cost 42 ns (docs/adr/010). Usage: `python -m softclose.kernel.generate_series` rewrites them.
@@ -11,10 +11,15 @@ from pathlib import Path
 
 TARGET = Path(__file__).with_name("series.py")
 LOSSY = Path(__file__).with_name("lossy_series.py")
+DRIVE = Path(__file__).with_name("drive_series.py")
 ORDER = 16
 """Degree of the Taylor polynomial of x."""
 TERMS = 12
 """Terms of the flight-time series."""
+SHORT = 8
+"""Degree of the polynomial of a short bounce."""
+DEGREE = 7
+"""Degree of the polynomials of a sampled drive."""
 
 
 HEADER = '''"""Owns the fast kernel's power series as straight-line code. Written by generate_series.py.
@@ -42,6 +47,23 @@ _FAST = {{"contract", "reassoc", "nsz"}}
 '''
 
 
+DRIVE_HEADER = '''\
+"""Owns the power series of drives that are no cosines, as straight-line code. Written by generate_series.py.
+
+`fading` and `decaying` add exponentials with real and with complex rates; `shifted` is a polynomial about another
+point. Under such drives bounces are not told by those before them: `short_...` and `short_return` take one that is
+short, and so needs few powers, in one low polynomial.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softclose.kernel.series import _FAST
+
+DEGREE = {degree}
+SHORT = {short}
+'''
 LOSSY_HEADER = '''\
 """Owns the power series of a switch that loses energy as straight-line code. Written by generate_series.py.
 
@@ -111,9 +133,14 @@ def ds(order: int) -> list[str]:
     return ["x1", *(f"{float(n)} * x{n}" for n in range(2, order + 1))]
 
 
-def flight(driven: bool, order: int) -> str:
+def unpack_drive(order: int, given: int) -> str:
+    """Of the coefficients that a polynomial of degree `given` takes those that one of degree `order` does."""
+    return unpack([f"{'' if n < order - 1 else '_'}u{n}" for n in range(given - 1)], "u")
+
+
+def flight(driven: bool, order: int, prefix: str = "", given: int | None = None) -> str:
     last = order - 1
-    lines = [unpack(us(order), "u")] if driven else []
+    lines = [unpack_drive(order, given or order)] if driven else []
     lines += ["    r = 1.0 / (gap - x0)", f"    s0 = {'u0' if driven else 'u'} * r", "    z1 = x1 * r"]
     lines += ["    x2 = 0.5 * (c * (s0 * s0) - k * x0)", "    z2 = x2 * r"]
     for n in range(1, last):
@@ -126,16 +153,17 @@ def flight(driven: bool, order: int) -> str:
             lines.append(f"    z{n + 2} = x{n + 2} * r")
     lines.append(pack(xs(order)))
     if driven:
-        doc = "Coefficients 0..ORDER of x where u has the coefficients u[0..ORDER-2]."
-        return function("flight_driven", "x0, x1, u, gap, c, k", doc, lines)
+        top = "SHORT" if prefix else "ORDER"
+        doc = f"Coefficients 0..{top} of x where u has the coefficients u[0..{top}-2]."
+        return function(prefix + "flight_driven", "x0, x1, u, gap, c, k", doc, lines)
     return function("flight_constant", "x0, x1, u, gap, c, k", "Coefficients 0..ORDER of x at constant u.", lines)
 
 
-def lossy_flight(driven: bool, film: bool, order: int) -> str:
+def lossy_flight(driven: bool, film: bool, order: int, prefix: str = "", given: int | None = None) -> str:
     """With `film`, q and s are those of r = 1 / (G - x); at constant voltage s² is u² r²."""
     last = order - 1
     own = driven or not film
-    lines = [unpack(us(order), "u")] if driven else []
+    lines = [unpack_drive(order, given or order)] if driven else []
     lines += ["    r0 = 1.0 / (gap - x0)", "    z1 = x1 * r0"]
     if film:
         lines += ["    r1 = z1 * r0", "    p1 = r0 * r1"]
@@ -159,13 +187,14 @@ def lossy_flight(driven: bool, film: bool, order: int) -> str:
         if n + 2 < (order if film else last):
             lines.append(f"    z{n + 2} = x{n + 2} * r0")
     lines.append(pack(xs(order)))
-    name = ("film" if film else "damped") + ("_driven" if driven else "_constant")
-    at = "where u has the coefficients u[0..ORDER-2]" if driven else "at constant u"
+    name = prefix + ("film" if film else "damped") + ("_driven" if driven else "_constant")
+    at = "where u has the coefficients u[0..]" if driven else "at constant u"
+    last_power = "SHORT" if prefix else "ORDER"
     film_doc = ", behind a film" if film else ""
     return function(
         name,
         "x0, x1, u, gap, c, k, d" + (", f" if film else ""),
-        f"Coefficients 0..ORDER of x with damping{film_doc}, {at}.",
+        f"Coefficients 0..{last_power} of x with damping{film_doc}, {at}.",
         lines,
     )
 
@@ -236,6 +265,53 @@ def drive(order: int) -> str:
     return function("drive", "u, cosine, sine, omega", doc, lines)
 
 
+def fading(order: int) -> str:
+    doc = "Coefficients u plus those of a exp(-decay t)."
+    lines = [unpack(us(order), "u"), "    u0 += a", "    p = a * decay", "    u1 -= p"]
+    for n in range(2, order - 1):
+        lines += ["    p = p * decay", f"    u{n} {'-' if n % 2 else '+'}= p * {1.0 / math.factorial(n)!r}"]
+    lines.append(pack(us(order)))
+    return function("fading", "u, a, decay", doc, lines)
+
+
+def decaying(order: int) -> str:
+    doc = "Coefficients u plus those of the real part of (cosine + i sine) exp((i omega - decay) t)."
+    lines = [unpack(us(order), "u"), "    u0 += cosine", "    p = cosine", "    q = sine"]
+    for n in range(1, order - 1):
+        lines += ["    h = omega * p - decay * q", "    p = -decay * p - omega * q", "    q = h"]
+        lines.append(f"    u{n} += p * {1.0 / math.factorial(n)!r}")
+    lines.append(pack(us(order)))
+    return function("decaying", "u, cosine, sine, omega, decay", doc, lines)
+
+
+def shifted(degree: int, order: int) -> str:
+    doc = "Coefficients about s of the polynomial u0 + p[i, 0, 0] s + p[i, 1, 0] s² + ... with DEGREE terms."
+    lines = [f"    u{n} = p[i, {n - 1}, 0]" for n in range(1, degree + 1)]
+    for j in range(degree):
+        lines += [f"    u{k} += s * u{k + 1}" for k in range(degree - 1, j - 1, -1)]
+    lines.append(listing("return ", [*(f"u{n}" for n in range(degree + 1)), *["0.0"] * (order - 2 - degree)]))
+    return function("shifted", "u0, p, i, s", doc, lines)
+
+
+def short_return(order: int) -> str:
+    doc = (
+        "Instant and speed of the return of a short bounce x that starts on the contact; (-1, 0) where it is too long."
+    )
+    lines = [unpack(["_x0", *xs(order)[1:]], "x"), "    if x2 <= 0.0:", "        return -1.0, 0.0", "    t = -x1 / x2"]
+    lines += ["    for _ in range(4):"]
+    lines += chain("y", xs(order)[1:], "t", " " * 8)
+    lines += chain("d", [f"{float(n)} * x{n + 1}" for n in range(1, order)], "t", " " * 8)
+    lines += ["        t -= y / d"]
+    lines += chain("y", ds(order), "t")
+    lines += ["    t2 = t * t", "    t4 = t2 * t2", f"    rest = max(abs(x{order - 1}), abs(x{order} * t)) * t4 * t2"]
+    lines += [
+        "    if not (abs(x3) * t < 0.2 * x2 and rest < 10.0 * rtol * y):",
+        "        return -1.0, 0.0",
+        "    return t, y",
+    ]
+    return function("short_return", "x, rtol", doc, lines)
+
+
 def flight_time(terms: int) -> str:
     doc = "Coefficients m = 0.. of w^(2m+1) in the flight time after a rebound at speed w; constant pull = c u² closes."
     lines = ["    p0 = 1.0 / (gap - travel)", "    a0 = pull * (p0 * p0) - k * travel", "    b0 = 1.0 / a0"]
@@ -276,6 +352,15 @@ def render_lossy(order: int = ORDER) -> str:
     )
 
 
+def render_drive(order: int = ORDER, degree: int = DEGREE, short: int = SHORT) -> str:
+    """The module of drives that are no cosines, and of short bounces under any drive that changes."""
+    flights = [flight(True, short, "short_", order)]
+    flights += [lossy_flight(True, film, short, "short_", order) for film in (False, True)]
+    parts = [fading(order), decaying(order), shifted(degree, order), *flights, short_return(short)]
+    return DRIVE_HEADER.format(degree=degree, short=short) + "".join(parts)
+
+
 if __name__ == "__main__":
     TARGET.write_text(render(), encoding="utf-8")
     LOSSY.write_text(render_lossy(), encoding="utf-8")
+    DRIVE.write_text(render_drive(), encoding="utf-8")

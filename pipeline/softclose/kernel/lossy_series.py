@@ -122,7 +122,7 @@ def damped_constant(x0, x1, u, gap, c, k, d):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def damped_driven(x0, x1, u, gap, c, k, d):  # type: ignore[no-untyped-def]
-    """Coefficients 0..ORDER of x with damping, where u has the coefficients u[0..ORDER-2]."""
+    """Coefficients 0..ORDER of x with damping, where u has the coefficients u[0..]."""
     u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10, u11, u12, u13, u14 = u
     r0 = 1.0 / (gap - x0)
     z1 = x1 * r0
@@ -374,7 +374,7 @@ def film_constant(x0, x1, u, gap, c, k, d, f):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy", fastmath=_FAST, forceinline=True)
 def film_driven(x0, x1, u, gap, c, k, d, f):  # type: ignore[no-untyped-def]
-    """Coefficients 0..ORDER of x with damping, behind a film, where u has the coefficients u[0..ORDER-2]."""
+    """Coefficients 0..ORDER of x with damping, behind a film, where u has the coefficients u[0..]."""
     u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10, u11, u12, u13, u14 = u
     r0 = 1.0 / (gap - x0)
     z1 = x1 * r0

@@ -1,4 +1,11 @@
-"""Owns the flat form of a waveform that the kernels read: pieces on which u(t) is a constant plus a few cosines."""
+"""Owns the flat form of a drive that the kernels read: pieces on which u(t) is a constant plus a few terms.
+
+One set of arrays, and three kinds of terms, told apart by how many numbers a row of `ramps` has (`form`):
+
+* `COSINES`: amplitude, angular frequency, origin of amplitude cos(omega (t - origin)): pulses, and lines;
+* `DECAYING`: the same and a decay, amplitude exp(-decay (t - begin)) cos(omega (t - origin)): what a low-pass delivers;
+* `POLYNOMIAL`: one coefficient, row k that of (t - middle of the piece)^(k + 1): what is sampled.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +15,26 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from softclose.waveform import Trace, Waveform
+from softclose.waveform import AnyDrive, Delivered, Fitted, Trace
+from softclose.waveform.flat import SNAP_US, flatten_pulses
+from softclose.waveform.lowpass import deliver_flat
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_SNAP_US = 1e-9
-"""Knots closer than this are one: rounding in start + rise + peak must not make a piece of 1e-14 µs."""
-
+COSINES, DECAYING, POLYNOMIAL = 3, 4, 1
 
 _LINE = 1e-5
 """Half a line's length in the angle of the cosine that stands for it: (1e-5)²/6 of its rise is left, as is rounding."""
 
 
-def flatten(drive: Waveform | Trace, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
-    """The flat form of a drive: `flatten_pulses`, or `flatten_lines`."""
-    return flatten_lines(drive, horizon_us) if isinstance(drive, Trace) else flatten_pulses(drive, horizon_us)
+def flatten(drive: AnyDrive, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """The flat form of a drive: pieces (n_piece, 3) start, end [µs], constant [V]; number of terms; terms."""
+    if isinstance(drive, Trace):
+        return flatten_lines(drive, horizon_us)
+    if isinstance(drive, Delivered | Fitted):
+        return drive.flat(horizon_us)
+    return flatten_pulses(drive, horizon_us)
 
 
 def flatten_lines(trace: Trace, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -34,7 +45,7 @@ def flatten_lines(trace: Trace, horizon_us: float) -> tuple[FloatArray, IntArray
     inside = trace.times_us[trace.times_us < horizon_us]
     knots = np.append(inside, horizon_us)
     u = trace.voltage(knots)
-    long_enough = np.append(np.diff(knots) > _SNAP_US, True)
+    long_enough = np.append(np.diff(knots) > SNAP_US, True)
     knots, u = knots[long_enough], u[long_enough]
     knots[0] = 0.0
     begin, end = knots[:-1], knots[1:]
@@ -47,46 +58,52 @@ def flatten_lines(trace: Trace, horizon_us: float) -> tuple[FloatArray, IntArray
     return pieces, sloping.astype(np.int64), np.ascontiguousarray(ramps[:, None, :])
 
 
-def flatten_pulses(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Cut Eqs. 12-13 at every knot in [0, horizon].
-
-    Returns (pieces, n_ramps, ramps): `pieces` (n_piece, 3) float64 with start, end [µs] and the constant part of u
-    [V]; `n_ramps` (n_piece,) int64; `ramps` (n_piece, max, 3) float64 with amplitude [V], angular frequency [1/µs] and
-    origin [µs] of `amplitude·cos(omega·(t − origin))`. The pieces cover [0, horizon] without gaps.
-    """
-    knots = [0.0]
-    for knot in waveform.breakpoints(horizon_us):
-        if knot - knots[-1] > _SNAP_US and horizon_us - knot > _SNAP_US:
-            knots.append(float(knot))
-    knots.append(horizon_us)
-    pieces = np.zeros((len(knots) - 1, 3))
-    n_ramps = np.zeros(len(pieces), dtype=np.int64)
-    ramps = np.zeros((len(pieces), max(1, len(waveform.pulses)), 3))
-    for i, piece in enumerate(pieces):
-        piece[:2] = knots[i], knots[i + 1]
-        middle = 0.5 * (knots[i] + knots[i + 1])
-        for pulse in waveform.pulses:
-            top = pulse.start_us + pulse.rise_us
-            fall = top + pulse.peak_us
-            if top <= middle < fall:
-                piece[2] += pulse.volts
-                continue
-            if pulse.start_us <= middle < top:
-                amplitude, origin = -0.5 * pulse.volts, pulse.start_us
-            elif fall <= middle < pulse.end_us:
-                amplitude, origin = 0.5 * pulse.volts, fall
-            else:
-                continue
-            piece[2] += 0.5 * pulse.volts
-            ramps[i, n_ramps[i]] = amplitude, math.pi / pulse.rise_us, origin
-            n_ramps[i] += 1
-    return pieces, n_ramps, ramps
+deliver = njit(error_model="numpy")(deliver_flat)
+"""`deliver_flat`, compiled: for drives that differ from switch to switch."""
 
 
 @njit(error_model="numpy", forceinline=True)
 def voltage(pieces, n_ramps, ramps, i, t):  # type: ignore[no-untyped-def]
     """u(t) [V] on piece i."""
     u = pieces[i, 2]
+    if ramps.shape[2] == POLYNOMIAL:
+        s = t - 0.5 * (pieces[i, 0] + pieces[i, 1])
+        rest = 0.0
+        for k in range(n_ramps[i] - 1, -1, -1):
+            rest = (rest + ramps[i, k, 0]) * s
+        return u + rest
     for j in range(n_ramps[i]):
-        u += ramps[i, j, 0] * math.cos(ramps[i, j, 1] * (t - ramps[i, j, 2]))
+        amplitude = ramps[i, j, 0]
+        if ramps.shape[2] == DECAYING and ramps[i, j, 3] > 0.0:
+            amplitude *= math.exp(-ramps[i, j, 3] * (t - pieces[i, 0]))
+        u += amplitude * math.cos(ramps[i, j, 1] * (t - ramps[i, j, 2]))
     return u
+
+
+@njit(error_model="numpy", forceinline=True)
+def tangent(pieces, n_ramps, ramps, i, t):  # type: ignore[no-untyped-def]
+    """u [V], u' and a bound of |u''| from t to the end of piece i."""
+    u, slope, bend = pieces[i, 2], 0.0, 0.0
+    if ramps.shape[2] == POLYNOMIAL:
+        s = t - 0.5 * (pieces[i, 0] + pieces[i, 1])
+        half = 0.5 * (pieces[i, 1] - pieces[i, 0])
+        rest = 0.0
+        for k in range(n_ramps[i] - 1, -1, -1):
+            slope = slope * s + (k + 1) * ramps[i, k, 0]
+            rest = (rest + ramps[i, k, 0]) * s
+            if k > 0:
+                bend = bend * half + (k + 1) * k * abs(ramps[i, k, 0])
+        return u + rest, slope, bend
+    for j in range(n_ramps[i]):
+        amplitude, omega, decay = ramps[i, j, 0], ramps[i, j, 1], 0.0
+        if ramps.shape[2] == DECAYING and ramps[i, j, 3] > 0.0:
+            decay = ramps[i, j, 3]
+            amplitude *= math.exp(-decay * (t - pieces[i, 0]))
+        angle = omega * (t - ramps[i, j, 2])
+        u += amplitude * math.cos(angle)
+        slope -= amplitude * omega * math.sin(angle)
+        bend += abs(amplitude) * omega**2
+        if decay > 0.0:
+            slope -= amplitude * decay * math.cos(angle)
+            bend += abs(amplitude) * decay * (decay + 2.0 * omega)
+    return u, slope, bend

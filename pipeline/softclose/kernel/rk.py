@@ -214,7 +214,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 impact_time[n_impacts] = t
                 impact_speed[n_impacts] = speed
             n_impacts += 1
-            if -v < v_stick and voltage(pieces, n_ramps, ramps, i, t) >= hold_voltage:
+            if -v < v_stick and abs(voltage(pieces, n_ramps, ramps, i, t)) >= hold_voltage:
                 held = True
                 v = 0.0
                 settled = t

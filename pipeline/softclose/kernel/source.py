@@ -14,6 +14,7 @@ UNCOUNTED: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") e
 _FILES = (
     "series",
     "lossy_series",
+    "drive_series",
     "step",
     "bounces",
     "contact",
@@ -34,6 +35,7 @@ def fingerprint() -> int:
     closes over, so an entry point that closes over this number is compiled again whenever one of the files changes.
     """
     crc = 0
-    for name in _FILES:
-        crc = zlib.crc32((Path(__file__).parent / f"{name}.py").read_bytes(), crc)
+    here = Path(__file__).parent
+    for path in (*(here / f"{name}.py" for name in _FILES), here.parent / "waveform" / "lowpass.py"):
+        crc = zlib.crc32(path.read_bytes(), crc)
     return crc

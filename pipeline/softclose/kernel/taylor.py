@@ -15,11 +15,22 @@ from numba import njit
 
 from softclose.kernel.bounces import learn, predict, symmetric_flight
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
+from softclose.kernel.drive_series import (
+    SHORT,
+    decaying,
+    fading,
+    shifted,
+    short_damped_driven,
+    short_film_driven,
+    short_flight_driven,
+    short_return,
+)
 from softclose.kernel.lossy_series import damped_constant, damped_driven, film_constant, film_driven
-from softclose.kernel.pieces import voltage
+from softclose.kernel.pieces import COSINES, DECAYING, POLYNOMIAL, deliver, voltage
 from softclose.kernel.release import release_time
 from softclose.kernel.results import store
 from softclose.kernel.series import (
+    ORDER,
     TERMS,
     bend,
     bounce_duration,
@@ -39,31 +50,69 @@ _SAFETY = 4.0
 """The last terms kept may be this much above the tolerance [1 µm/µs]: the first ones dropped are a quarter of them."""
 _RELEASE_STEP_US = 0.5
 _NO_BOUNCE = (0.0,) * TERMS
+_NO_MORE = (0.0,) * (ORDER - SHORT)
 
 
 @njit(error_model="numpy", inline="always")
-def _expand(lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
-    """Taylor coefficients of x about t on piece i."""
-    u0 = pieces[i, 2]
-    if n_ramps[i] == 0:
-        if film:
-            series = film_constant(x, v, u0, gap, c, k, d, f)
-        elif lossy:
-            series = damped_constant(x, v, u0, gap, c, k, d)
-        else:
-            series = flight_constant(x, v, u0, gap, c, k)
+def _drive_series(form, pieces, n_ramps, ramps, i, t):  # type: ignore[no-untyped-def]
+    """Taylor coefficients of u about t on piece i, which is not constant."""
+    if form == POLYNOMIAL:
+        u = shifted(pieces[i, 2], ramps, i, t - 0.5 * (pieces[i, 0] + pieces[i, 1]))
     else:
-        u = constant(u0)
+        u = constant(pieces[i, 2])
         for j in range(n_ramps[i]):
             omega = ramps[i, j, 1]
             angle = omega * (t - ramps[i, j, 2])
-            u = drive(u, ramps[i, j, 0] * math.cos(angle), ramps[i, j, 0] * math.sin(angle), omega)
+            if form == DECAYING and ramps[i, j, 3] > 0.0:
+                decay = ramps[i, j, 3]
+                a = ramps[i, j, 0] * math.exp(-decay * (t - pieces[i, 0]))
+                if omega == 0.0:
+                    u = fading(u, a, decay)
+                else:
+                    u = decaying(u, a * math.cos(angle), a * math.sin(angle), omega, decay)
+            else:
+                u = drive(u, ramps[i, j, 0] * math.cos(angle), ramps[i, j, 0] * math.sin(angle), omega)
+    return u
+
+
+@njit(error_model="numpy", inline="always")
+def _steady(lossy, film, u, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
+    """Taylor coefficients of x where u is constant."""
+    if film:
+        series = film_constant(x, v, u, gap, c, k, d, f)
+    elif lossy:
+        series = damped_constant(x, v, u, gap, c, k, d)
+    else:
+        series = flight_constant(x, v, u, gap, c, k)
+    return series
+
+
+@njit(error_model="numpy", inline="always")
+def _expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
+    """Taylor coefficients of x about t on piece i."""
+    if n_ramps[i] == 0:
+        series = _steady(lossy, film, pieces[i, 2], x, v, gap, c, k, d, f)
+    else:
+        u = _drive_series(form, pieces, n_ramps, ramps, i, t)
         if film:
             series = film_driven(x, v, u, gap, c, k, d, f)
         elif lossy:
             series = damped_driven(x, v, u, gap, c, k, d)
         else:
             series = flight_driven(x, v, u, gap, c, k)
+    return series
+
+
+@njit(error_model="numpy", inline="always")
+def _short(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
+    """The first few Taylor coefficients of x about t on piece i, which is not constant."""
+    u = _drive_series(form, pieces, n_ramps, ramps, i, t)
+    if film:
+        series = short_film_driven(x, v, u, gap, c, k, d, f)
+    elif lossy:
+        series = short_damped_driven(x, v, u, gap, c, k, d)
+    else:
+        series = short_flight_driven(x, v, u, gap, c, k)
     return series
 
 
@@ -95,6 +144,7 @@ def _sample_until(series, t, until, times, first, row, x64, v64, x32, v32):  # t
 
 @njit(error_model="numpy", inline="always")
 def _run_switch(  # type: ignore[no-untyped-def]
+    form,
     lossy,
     film,
     travel,
@@ -109,6 +159,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     pieces,
     n_ramps,
     ramps,
+    n_pieces,
     v_stick,
     rtol,
     max_steps,
@@ -124,7 +175,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
 ):
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows.
 
-    lossy, film: known when this is compiled, so that what they leave out is no code.
+    form, lossy, film: known when this is compiled, so that what they leave out is no code.
     """
     tolerance = _SAFETY * rtol
     near = 0.3 * math.sqrt(rtol)
@@ -141,7 +192,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     n_returns, sure = 0, True
     n_times, i_time = times.shape[0], 0
     n_events = impact_time.shape[1]
-    for i in range(pieces.shape[0]):
+    for i in range(n_pieces):
         t, end = pieces[i, 0], pieces[i, 1]
         bounce_limit = -1.0
         bounce = _NO_BOUNCE
@@ -153,7 +204,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if held:
                 if n_ramps[i] > 0:
                     t = min(release_time(pieces, n_ramps, ramps, i, t, hold_voltage), end)
-                elif pieces[i, 2] >= hold_voltage:
+                elif abs(pieces[i, 2]) >= hold_voltage:
                     t = end
                 if i_time < n_times:
                     stop = i_time
@@ -168,7 +219,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if n_steps > max_steps:
                 status = WORK_LIMIT
                 break
-            series = _expand(lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
+            series = _expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
             h = step_size(series, tolerance)
             if launched and v == 0.0:
                 h = min(h, _RELEASE_STEP_US)
@@ -207,11 +258,30 @@ def _run_switch(  # type: ignore[no-untyped-def]
             n_impacts += 1
             x, v, launched = travel, -restitution * speed, True
             if n_ramps[i] > 0:
-                if -v < v_stick and voltage(pieces, n_ramps, ramps, i, t) >= hold_voltage:
-                    held, launched, v, settled = True, False, 0.0, t
+                while True:
+                    if -v < v_stick and abs(voltage(pieces, n_ramps, ramps, i, t)) >= hold_voltage:
+                        held, launched, v, settled = True, False, 0.0, t
+                        break
+                    if form == COSINES and not lossy:
+                        break
+                    # A bounce that is short beside everything else needs few powers.
+                    n_steps += 1
+                    brief = _short(form, lossy, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f)
+                    tau, speed = short_return(brief, rtol)
+                    if tau <= 0.0 or t + tau > end or n_steps > max_steps:
+                        break
+                    if i_time < n_times:
+                        i_time = _sample_until(brief + _NO_MORE, t, t + tau, times, i_time, row, x64, v64, x32, v32)
+                    t += tau
+                    if n_impacts < n_events:
+                        impact_time[event_row, n_impacts] = t
+                        impact_speed[event_row, n_impacts] = speed
+                    n_impacts += 1
+                    v_max = max(v_max, speed)
+                    v = -restitution * speed
                 continue
-            if pieces[i, 2] < press_voltage:
-                if -v < v_stick and pieces[i, 2] >= hold_voltage:
+            if abs(pieces[i, 2]) < press_voltage:
+                if -v < v_stick and abs(pieces[i, 2]) >= hold_voltage:
                     held, launched, v, settled = True, False, 0.0, t
                 continue
             if lossy:
@@ -224,7 +294,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
             # rebound before it, and small bounces last a power series in that speed.
             elif bounce_limit < 0.0:
                 bounce_limit = 0.0
-                if pieces[i, 2] > hold_voltage:
+                if abs(pieces[i, 2]) > press_voltage:
                     bounce = flight_time(travel, gap, c * pieces[i, 2] ** 2, k)
                     bounce_limit = radius(
                         rtol * bounce[0], bounce[TERMS - 1], 2 * (TERMS - 1), bounce[TERMS - 2], 2 * (TERMS - 2)
@@ -250,7 +320,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 # For the samples only: what is reported does not depend on it. A bounce may take several steps.
                 ts, xs, vs = t, x, v
                 while i_time < n_times and times[i_time] <= t_next:
-                    series = _expand(lossy, film, pieces, n_ramps, ramps, i, ts, xs, vs, gap, c, k, d, f)
+                    series = _steady(lossy, film, pieces[i, 2], xs, vs, gap, c, k, d, f)
                     h = step_size(series, tolerance)
                     until = t_next if h >= t_next - ts else ts + h
                     i_time = _sample_until(series, ts, until, times, i_time, row, x64, v64, x32, v32)
@@ -269,7 +339,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     return v_max, first, settled, n_impacts, x, v, held, status
 
 
-def _build(source: int, lossy: bool, film: bool) -> Callable[..., None]:
+def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., None]:
     @njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
         lo,
@@ -279,7 +349,11 @@ def _build(source: int, lossy: bool, film: bool) -> Callable[..., None]:
         pieces,
         n_ramps,
         ramps,
-        v_stick,
+        path,
+        scales,
+        out_pieces,
+        out_n,
+        out_ramps,
         rtol,
         max_steps,
         times,
@@ -296,17 +370,51 @@ def _build(source: int, lossy: bool, film: bool) -> Callable[..., None]:
     ):
         """Switches lo..hi-1 of `devices`, each on its own; outputs are rows of whole arrays.
 
-        devices: (n, 8) travel, gap [µm], c, k, restitution, damping [1/µs], film [µm³/µs] and adhesion [µm/µs²], the
-        last three per mass and read where losses are; memo: (3, MAX_RETURNS) for what is in work.
+        devices: (n, 9) travel, gap [µm], c, k, restitution, damping [1/µs], film [µm³/µs], adhesion [µm/µs²] and
+        v_stick [µm/µs], all forces per mass; losses are read where there are any. memo: (3, MAX_RETURNS) for what is in
+        work.
+        form: of the drive. `DECAYING`: pieces, n_ramps and ramps are the command, and path, scales (1 or n, 3) and the
+        out_ arrays what `deliver_flat` takes; one row of scales is for all.
         Samples go to x64 and v64, or to x32 and v32 where those have no columns: one compiled variant for both, so the
         metrics are the same bits whichever is asked for.
         """
         if source < 0:  # never: closes over the fingerprint, see source.py
             return
+        if form == DECAYING:
+            n_pieces = deliver(
+                pieces,
+                n_ramps,
+                ramps,
+                path,
+                scales[0, 0],
+                scales[0, 1],
+                scales[0, 2],
+                out_pieces,
+                out_n,
+                out_ramps,
+            )
+            pieces_, n_, ramps_ = out_pieces, out_n, out_ramps
+        else:
+            n_pieces = pieces.shape[0]
+            pieces_, n_, ramps_ = pieces, n_ramps, ramps
         for i in range(lo, hi):
+            if form == DECAYING and scales.shape[0] > 1:
+                n_pieces = deliver(
+                    pieces,
+                    n_ramps,
+                    ramps,
+                    path,
+                    scales[i, 0],
+                    scales[i, 1],
+                    scales[i, 2],
+                    out_pieces,
+                    out_n,
+                    out_ramps,
+                )
             row = i if times.shape[0] > 0 else 0
             event_row = i if impact_time.shape[1] > 0 else 0
             found = _run_switch(
+                form,
                 lossy,
                 film,
                 devices[i, 0],
@@ -318,10 +426,11 @@ def _build(source: int, lossy: bool, film: bool) -> Callable[..., None]:
                 devices[i, 6],
                 devices[i, 7],
                 memo,
-                pieces,
-                n_ramps,
-                ramps,
-                v_stick,
+                pieces_,
+                n_,
+                ramps_,
+                n_pieces,
+                devices[i, 8],
                 rtol,
                 max_steps,
                 times,
@@ -340,6 +449,6 @@ def _build(source: int, lossy: bool, film: bool) -> Callable[..., None]:
 
 
 @lru_cache
-def block(*, lossy: bool, film: bool) -> Callable[..., None]:
-    """`run_block` for switches with such losses; each is compiled where it is first used, and cached."""
-    return _build(fingerprint(), lossy, film)
+def block(*, form: int, lossy: bool, film: bool) -> Callable[..., None]:
+    """`run_block` for such drives and losses; each is compiled where it is first used, and cached."""
+    return _build(fingerprint(), form, lossy, film)

@@ -1,5 +1,7 @@
 """Pulses and drive waveforms (Eqs. 12-13), and the spaces in which they are searched."""
 
+from softclose.waveform.delivered import Delivered as Delivered
+from softclose.waveform.fitted import Fitted as Fitted
 from softclose.waveform.pulses import LEAST_RISE_US as LEAST_RISE_US
 from softclose.waveform.pulses import MAX_VOLTS as MAX_VOLTS
 from softclose.waveform.pulses import MIN_RISE_US as MIN_RISE_US
@@ -11,4 +13,6 @@ from softclose.waveform.trace import Trace as Trace
 from softclose.waveform.trace import read_trace as read_trace
 
 Drive = Waveform | Trace
+"""What is commanded, or was recorded."""
+AnyDrive = Waveform | Trace | Delivered | Fitted
 """Whatever switches can be driven with."""

@@ -1,0 +1,88 @@
+"""Owns a drive that an amplifier of limited bandwidth makes of pulses, in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from softclose.waveform.flat import IntArray, flatten_pulses
+from softclose.waveform.lowpass import deliver_flat, poles, room
+from softclose.waveform.pulses import MAX_VOLTS, FloatArray, Waveform, WaveformError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delivered:
+    """Pulses behind a low-pass: from rest, delayed, amplified, on a constant voltage."""
+
+    command: Waveform
+    """What is commanded; before 0 it is 0 V."""
+    bandwidth_kHz: float
+    """Frequency at which a sine comes out at -3 dB [kHz]."""
+    order: int = 1
+    """Order of the low-pass, 1 or 2."""
+    damping: float = 0.7071
+    """Damping ratio of the second order."""
+    gain: float = 1.0
+    """Volts delivered over volts commanded, at rest."""
+    offset_volts: float = 0.0
+    """Added to what is delivered [V], from 0 on."""
+    delay_us: float = 0.0
+    """Everything arrives so much later [µs]."""
+
+    def __post_init__(self) -> None:
+        if not (self.bandwidth_kHz > 0.0 and math.isfinite(self.bandwidth_kHz)):
+            raise WaveformError(f"bandwidth_kHz is {self.bandwidth_kHz:g}; it must be above 0 and finite")
+        if self.order not in (1, 2):
+            raise WaveformError(f"order is {self.order!r}; a low-pass of order 1 or 2 has a closed form here")
+        if not (self.damping > 0.0 and self.gain > 0.0 and self.delay_us >= 0.0):
+            raise WaveformError(
+                f"damping is {self.damping:g}, gain {self.gain:g}, delay_us {self.delay_us:g}; the first two must be "
+                "above 0, a delay 0 or more"
+            )
+
+    def path(self, horizon_us: float) -> FloatArray:
+        """What `deliver_flat` reads of the way."""
+        kind, first, second = poles(self.bandwidth_kHz, self.order, self.damping)
+        return np.array([kind, first, second, self.gain, self.delay_us, self.offset_volts, horizon_us])
+
+    def flat(self, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
+        """The pieces on [0, horizon], as the kernels read them: rows of four numbers, see `deliver_flat`."""
+        command = flatten_pulses(self.command, horizon_us)
+        out = room(command[0], command[2])
+        path = self.path(horizon_us)
+        m = deliver_flat(*command, path, 1.0, self.delay_us, self.offset_volts, *out)
+        return out[0][:m], out[1][:m], out[2][:m]
+
+    def voltage(self, t_us: ArrayLike) -> FloatArray:
+        """u(t) [V] at instants t_us [µs]; any shape."""
+        t = np.asarray(t_us, dtype=np.float64)
+        if t.size == 0:
+            return np.zeros(t.shape)
+        pieces, n_ramps, ramps = self.flat(max(float(t.max()), 1.0))
+        which = np.clip(np.searchsorted(pieces[:, 0], t, side="right") - 1, 0, None)
+        u: FloatArray = pieces[which, 2].copy()
+        for j in range(ramps.shape[1]):
+            amplitude, omega, origin, decay = np.moveaxis(ramps[which, j], -1, 0)
+            fade = np.exp(-decay * np.maximum(t - pieces[which, 0], 0.0))
+            u += np.where(j < n_ramps[which], amplitude * fade * np.cos(omega * (t - origin)), 0.0)
+        return u
+
+    def breakpoints(self, horizon_us: float = math.inf) -> FloatArray:
+        """Instants in [0, horizon] at which another formula begins [µs]."""
+        knots = self.command.breakpoints() + self.delay_us
+        return np.unique(np.append(0.0, knots[np.isfinite(knots) & (knots <= horizon_us)]))
+
+    def max_voltage(self, horizon_us: float = 250.0) -> float:
+        """Largest |u| over [0, horizon] [V], to a thousandth of what ripples on it."""
+        pieces = self.flat(horizon_us)[0]
+        inside = np.linspace(pieces[:, 0], pieces[:, 1], 65, axis=1)
+        return float(np.abs(self.voltage(inside)).max())
+
+    def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
+        """Raise WaveformError where |u| exceeds max_volts on [0, horizon]."""
+        peak = self.max_voltage(horizon_us)
+        if peak > max_volts * (1.0 + 1e-9):
+            raise WaveformError(f"{peak:.6g} V are delivered; {max_volts:g} V are allowed (waveform.max_volts)")

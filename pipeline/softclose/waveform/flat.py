@@ -1,0 +1,51 @@
+"""Owns the flat form of pulses: pieces on which u(t) is a constant plus a few cosines."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.waveform.pulses import FloatArray, Waveform
+
+IntArray = NDArray[np.int64]
+
+SNAP_US = 1e-9
+"""Knots closer than this are one: rounding in start + rise + peak must not make a piece of 1e-14 µs."""
+
+
+def flatten_pulses(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Cut Eqs. 12-13 at every knot in [0, horizon].
+
+    Returns (pieces, n_ramps, ramps): `pieces` (n_piece, 3) float64 with start, end [µs] and the constant part of u
+    [V]; `n_ramps` (n_piece,) int64; `ramps` (n_piece, max, 3) float64 with amplitude [V], angular frequency [1/µs] and
+    origin [µs] of `amplitude·cos(omega·(t − origin))`. The pieces cover [0, horizon] without gaps.
+    """
+    knots = [0.0]
+    for knot in waveform.breakpoints(horizon_us):
+        if knot - knots[-1] > SNAP_US and horizon_us - knot > SNAP_US:
+            knots.append(float(knot))
+    knots.append(horizon_us)
+    pieces = np.zeros((len(knots) - 1, 3))
+    n_ramps = np.zeros(len(pieces), dtype=np.int64)
+    ramps = np.zeros((len(pieces), max(1, len(waveform.pulses)), 3))
+    for i, piece in enumerate(pieces):
+        piece[:2] = knots[i], knots[i + 1]
+        middle = 0.5 * (knots[i] + knots[i + 1])
+        for pulse in waveform.pulses:
+            top = pulse.start_us + pulse.rise_us
+            fall = top + pulse.peak_us
+            if top <= middle < fall:
+                piece[2] += pulse.volts
+                continue
+            if pulse.start_us <= middle < top:
+                amplitude, origin = -0.5 * pulse.volts, pulse.start_us
+            elif fall <= middle < pulse.end_us:
+                amplitude, origin = 0.5 * pulse.volts, fall
+            else:
+                continue
+            piece[2] += 0.5 * pulse.volts
+            ramps[i, n_ramps[i]] = amplitude, math.pi / pulse.rise_us, origin
+            n_ramps[i] += 1
+    return pieces, n_ramps, ramps
