@@ -38,12 +38,15 @@ class Fitted:
         if not tolerance_volts > 0.0:
             raise WaveformError(f"tolerance_volts is {tolerance_volts:g}; it must be above 0")
         t, u = trace.times_us, trace.volts
+        # A jump bends two samples, a curve four and more.
+        bends = np.pad(np.abs(np.diff(np.diff(u) / np.diff(t))) * np.diff(t)[1:], 2)
+        around = np.lib.stride_tricks.sliding_window_view(bends, 4).min(axis=1)
         knots, rows, first = [0], [], 0
         while first < len(t) - 1:
             reach, step, found = first + 1, 1, _line(t, u, first, first + 1)
             while step > 0:  # by doubling, and halving where it fails
                 last = min(reach + step, len(t) - 1)
-                longer = _fit(t, u, first, last, tolerance_volts) if last > reach else None
+                longer = _fit(t, u, around, first, last, tolerance_volts) if last > reach else None
                 if longer is None:
                     step //= 2
                 else:
@@ -101,8 +104,13 @@ def _line(t: FloatArray, u: FloatArray, first: int, last: int) -> FloatArray:
     return row
 
 
-def _fit(t: FloatArray, u: FloatArray, first: int, last: int, tolerance: float) -> FloatArray | None:
-    """Least squares through the samples first..last, its ends on the trace; None where it misses one."""
+def _fit(
+    t: FloatArray, u: FloatArray, around: FloatArray, first: int, last: int, tolerance: float
+) -> FloatArray | None:
+    """Least squares through the samples first..last, its ends on the trace; None where it misses one.
+
+    Between two samples it may leave their line by the tolerance and a quarter of what the samples around bend [V].
+    """
     line = _line(t, u, first, last)
     half, s = 0.5 * (t[last] - t[first]), t[first : last + 1] - 0.5 * (t[first] + t[last])
     z = s / half
@@ -116,12 +124,9 @@ def _fit(t: FloatArray, u: FloatArray, first: int, last: int, tolerance: float) 
     weights, *_ = np.linalg.lstsq(basis, off[1:-1], rcond=None)
     if np.abs(basis @ weights - off[1:-1]).max() > tolerance:
         return None
-    # Between samples it may differ from their line as far as the four around bend, and no further: a jump bends two.
     middles = 0.5 * (z[1:] + z[:-1])
     found = np.polynomial.chebyshev.chebval(middles, weights) * (1.0 - middles**2)
-    bends = np.abs(np.diff(np.diff(off) / np.diff(s))) * np.diff(s)[1:]
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(bends, 2, "edge"), 4).min(axis=1)
-    if (np.abs(found - 0.5 * (off[1:] + off[:-1])) > tolerance + 0.25 * around).any():
+    if (np.abs(found - 0.5 * (off[1:] + off[:-1])) > tolerance + 0.25 * around[first:last]).any():
         return None
     inner = Chebyshev(weights).convert(kind=Polynomial) * Polynomial([1.0, 0.0, -1.0])
     powers = np.zeros(DEGREE + 1)
