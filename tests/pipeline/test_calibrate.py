@@ -16,7 +16,7 @@ from softclose.population import VARIABLES, Population, PopulationError
 from softclose.population.calibrate import Calibration, calibrate, device_parameters, write_calibration
 from softclose.population.distributions import Bounded
 from softclose.population.fit import _interval, cramer_von_mises, fit
-from softclose.population.measurements import MeasurementError, read_measurements, write_synthetic
+from softclose.population.measurements import MeasurementError, read_devices, read_measurements, write_synthetic
 
 EXAMPLE = Path(str(resources.files("softclose.population") / "shipped" / "example_measurements.csv"))
 
@@ -198,7 +198,7 @@ def test_extra_columns_blank_lines_and_a_missing_device_name_are_tolerated(tmp_p
 @pytest.mark.parametrize("separator", [";", "\t"])
 @pytest.mark.parametrize("decimal", [",", "."])
 def test_semicolons_tabs_and_decimal_commas_are_read(separator: str, decimal: str, tmp_path: Path) -> None:
-    lines = [f"x,3.{700 + i},2.4,7.0,{80 + i}.5" for i in range(9)]
+    lines = [f"x{i},3.{700 + i},2.4,7.0,{80 + i}.5" for i in range(9)]
     told = ["# lot7.csv", "device,G_um,D_um,T_um,pull_in_V", *lines]
     path = tmp_path / "theirs.csv"
     path.write_text("\n".join(line.replace(",", separator).replace(".", decimal) for line in told) + "\n", "utf-8-sig")
@@ -227,8 +227,9 @@ def test_the_plate_area_of_the_fit_is_part_of_the_population(tmp_path: Path) -> 
 
 
 def test_the_limits_themselves_are_accepted(tmp_path: Path) -> None:
-    lines = ["a,20,0.1,20,1000", "a,0.5,0.1,3.2,1", *["a,3.7,2.4,7.0,80"] * 6]
-    assert read_measurements(_file(tmp_path, lines)).G_um[0] == 20.0
+    columns = ("G_um", "D_um", "T_um", "pull_in_V")
+    found = read_devices(_file(tmp_path, ["a,20,0.1,20,1000", "b,0.5,20,0.5,1"]), columns)
+    assert [found.values[name].tolist() for name in columns] == [[20.0, 0.5], [0.1, 20.0], [20.0, 0.5], [1000.0, 1.0]]
 
 
 @pytest.mark.parametrize(
@@ -237,7 +238,7 @@ def test_the_limits_themselves_are_accepted(tmp_path: Path) -> None:
         ("device,gap_um,D_um,T_um,pull_in_V", [_ROW] * 9, "no column 'G_um'; is 'gap_um' meant"),
         ("device,G_um,D_um,T_um", [_ROW] * 9, "no column 'pull_in_V'"),
         ("G_um,G_um,D_um,T_um,pull_in_V", [_ROW] * 9, "2 columns 'G_um'"),
-        (None, [_ROW] * 7, "has 7 devices; at least 8"),
+        (None, [f"d{i}" + _ROW[1:] for i in range(7)], "has 7 devices; at least 8"),
         (None, [_ROW, "b,3.7e-06,2.4,7,80"], "line 3: G_um is 3.7e-06; expected 0.5–20 µm: are these metres"),
         (None, ["b,3700,2.4,7,80"], "are these nanometres"),
         (None, ["b,3.7,2.4,7,0.08"], "pull_in_V is 0.08; expected 1–1000 V: are these kV"),
@@ -247,18 +248,18 @@ def test_the_limits_themselves_are_accepted(tmp_path: Path) -> None:
         (
             None,
             ["b,3,7,2,4,7,80"],
-            "line 2: 7 fields, but the header names 5 columns; numbers with a decimal comma need",
+            "line 2: 7 fields, but the heading in line 1 names 5 columns; numbers with a decimal comma need",
         ),
         (
             "G_um;D_um;T_um;pull_in_V",
             ["3,7;2.4;7,0;80"],
-            "decimal commas .line 2: 3,7. and decimal points .line 2: 2.4",
+            "numbers are written in two ways: '3,7' in line 2 and '2.4' in line 2",
         ),
-        ("G_um;D_um;T_um;pull_in_V", ["3,7;2,4;7,0;1.080,5"], "use one of them in the whole file"),
+        ("G_um;D_um;T_um;pull_in_V", ["3,7;2,4;7,0;1.080,5"], r"pull_in_V is 1080\.5; expected 1–1000"),
         (
             "G_um;D_um;T_um;pull_in_V",
             ["3,7;2,4;7,0;1,080,5"],
-            "pull_in_V is '1.080,5'; it must be a number such as 3.7",
+            "pull_in_V is '1,080,5'; it must be a number such as 3.7",
         ),
         (None, ["b,nan,2.4,7,80"], "G_um is 'nan'"),
         (None, ["b,3.7,-0.5,7,80"], r"D_um is -0\.5; expected 0\.1–20 µm$"),
@@ -299,7 +300,7 @@ def test_bad_settings_and_senseless_measurements_are_refused(tmp_path: Path) -> 
         calibrate(read_measurements(_file(tmp_path, close)), n_bootstrap=20)
     with pytest.raises(MeasurementError, match=r"a modulus of .* GPa; expected"):
         calibrate(m, plate_area_um2=10.0)
-    same = read_measurements(_file(tmp_path, [_ROW] * 9))
+    same = read_measurements(_file(tmp_path, [f"d{i}" + _ROW[1:] for i in range(9)]))
     with pytest.raises(MeasurementError, match="D is the same for all devices"):
         calibrate(same)
 

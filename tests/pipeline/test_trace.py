@@ -130,8 +130,8 @@ def test_what_is_no_drive_is_named(times: list[float], volts: list[float], said:
         ("time_us,volts\n0,0\n5,80\n250,80\n", None),
         ("# a scope\nTime (s);Channel 1 (V)\n0;0\n5e-6;80\n250e-6;80\n", None),
         ("Seconds,Volts\n0,0\n5e-6,80\n250e-6,80\n", None),
-        ("t [ms]\tu\n0\t0\n0.005\t80\n0.25\t80\n", None),
-        ("0,0,17\n5000,80,17\n250000,80,17\n", "ns"),
+        ("t [ms]\tu [kV]\n0\t0\n0.005\t0.08\n0.25\t0.08\n", None),
+        ("t,volts\n0,0\n5000,80\n250000,80\n", "ns"),
         ("time_us,volts\n-10,0\n0,0\n5,80\n250,80\n", None),
     ],
 )
@@ -141,7 +141,7 @@ def test_records_of_many_makers_are_read(text: str, unit: str | None, tmp_path: 
     trace = read_trace(file, time_unit=unit)
     np.testing.assert_allclose(trace.times_us, [0.0, 5.0, 250.0], atol=1e-9)
     np.testing.assert_allclose(trace.volts, [0.0, 80.0, 80.0])
-    doubled = read_trace(file, time_unit=unit, gain=1.5, shift_us=-2.5)
+    doubled = read_trace(file, time_unit=unit, scale=1.5, shift_us=-2.5)
     np.testing.assert_allclose(doubled.volts, [60.0, 120.0, 120.0])
     np.testing.assert_allclose(doubled.times_us, [0.0, 2.5, 247.5], atol=1e-9)
 
@@ -149,10 +149,10 @@ def test_records_of_many_makers_are_read(text: str, unit: str | None, tmp_path: 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("0,0\n5,80\n", "does not say the unit"),
-        ("time_us,volts\n0,0\n5,eighty\n", "line 3: '5,eighty' is no pair"),
+        ("0,0\n5,80\n", "line 1: nothing says the unit of the instants (column 1)"),
+        ("time_us,volts\n0,0\n5,eighty\n", "line 3: volts is 'eighty'; it must be a number"),
         ("time_us,volts\n0,0\n", "two samples or more"),
-        ("", "does not say the unit"),
+        ("", "has no table"),
     ],
 )
 def test_what_is_no_record_is_named_with_its_line(text: str, said: str, tmp_path: Path) -> None:

@@ -65,12 +65,12 @@ def test_a_preset_has_a_lot_but_no_best(exported: str) -> None:
 
 
 def test_another_amplitude_is_another_result_and_is_kept_with_the_campaign(store: str, exported: str) -> None:
-    told = _assess(store, exported, "--switches", "2000", "--gain", "1.05", "--keep", "five-percent")
+    told = _assess(store, exported, "--switches", "2000", "--scale", "1.05", "--keep", "five-percent")
     assert "against candidate" in told
     assert "kept as traces/five-percent" in told
     group = read_group(store, "traces/five-percent")
     assert group.arrays["volts"].max() == pytest.approx(1.05 * read_trace(exported).volts.max(), rel=1e-3)
-    again = assess_trace(store, read_trace(exported, gain=1.05).simplified(1e-3), n_switches=2000)
+    again = assess_trace(store, read_trace(exported, scale=1.05).simplified(1e-3), n_switches=2000)
     np.testing.assert_array_equal(group.arrays["max_contact_speed"], again.response.max_contact_speed)
     assert group.attributes["assessment"]["v_u_cm_s"] == again.assessment.v_u_cm_s
     assert abs(again.comparison.v_u_cm_s) > 0.1  # type: ignore[union-attr]
@@ -92,3 +92,48 @@ def test_a_bad_file_is_one_error(store: str, tmp_path: Path) -> None:
     file = tmp_path / "bad.csv"
     file.write_text("time_us,volts\n0,0\n1,oops\n")
     assert "line 3" in _assess(store, str(file), code=2)
+
+
+def _step(file: Path, volts: float, *, unit: str = "V", time: str = "us", scale: float = 1.0) -> str:
+    file.write_text(
+        f"time_{time},volts_{unit}\n" + "".join(f"{t * scale},{volts if t else 0}\n" for t in (0, 1, 9, 240))
+    )
+    return str(file)
+
+
+def test_a_monitor_output_is_asked_for_its_scale(store: str, tmp_path: Path) -> None:
+    """A thousandth of the drive, in mV: what closes nothing is another quantity, unless the user says not."""
+    file = _step(tmp_path / "m.csv", 100.0, unit="mV")
+    told = _assess(store, file, "--switches", "500", code=2)
+    assert "reaches 0.1 V within 250 µs, and the mean switch pulls in at" in told
+    assert "--scale 1000" in told
+    found = json.loads(_assess(store, file, "--switches", "500", "--scale", "1000", "--json"))
+    assert found["max_volts"] == pytest.approx(100.0)
+    assert "scaled by 1000" in found["read"][0]
+    assert json.loads(_assess(store, file, "--switches", "500", "--scale", "1", "--json"))["assessment"]["p_nc"] == 1.0
+
+
+def test_a_drive_above_the_limit_is_refused_unless_it_is_said(store: str, tmp_path: Path) -> None:
+    file = _step(tmp_path / "high.csv", 160.0)
+    told = _assess(store, file, "--switches", "500", code=2)
+    assert "reaches 160 V within 250 µs; 150 V are allowed" in told
+    assert "--max-volts 160" in told
+    found = json.loads(_assess(store, file, "--switches", "500", "--max-volts", "160", "--json"))
+    assert found["max_volts"] == pytest.approx(160.0)
+    assert "140000 V" in _assess(store, _step(tmp_path / "mV.csv", 140e3), "--switches", "500", code=2)
+
+
+def test_instants_of_another_unit_reach_no_lot(store: str, tmp_path: Path) -> None:
+    """µs that are called ms: a quarter of the first interval lies within the horizon, and no volts with it."""
+    assert "nothing would close" in _assess(store, _step(tmp_path / "ms.csv", 100.0, time="ms"), code=2)
+    assert "in which no switch moves" in _assess(store, _step(tmp_path / "s.csv", 100.0, scale=1e-6), code=2)
+    assert "another unit" in _assess(store, _step(tmp_path / "us.csv", 100.0, time="s"), code=2)
+
+
+def test_columns_are_named_and_what_was_read_is_said(store: str, tmp_path: Path) -> None:
+    file = tmp_path / "two.csv"
+    file.write_text("t;U1;U2\n0;0;0\n5;1,5;90,5\n240;1,5;90,5\n")
+    assert "--columns" in _assess(store, str(file), code=2)
+    told = _assess(store, str(file), "--columns", "time_us=t,volts_V=U2", "--switches", "500")
+    assert "UTF-8, semicolons, decimal commas, heading in line 1; 3 samples from 0 to 240 µs, 0 to 90.5 V" in told
+    assert "instants [us] from 't', voltages [V] from 'U2'" in told

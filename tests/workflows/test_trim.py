@@ -158,8 +158,8 @@ def test_devices_in_other_units_or_without_a_column_are_refused(store, tmp_path)
     devices = tmp_path / "devices.csv"
     for text, said in (
         ("pull_in_V,resonance_kHz\n70,21000\n", "resonance_kHz is 21000; expected 0.1–10000 kHz: are these Hz?"),
-        ("pull_in_V,frequency\n70,21\n", "has no column 'resonance_kHz'"),
-        ("pull_in_V,resonance_kHz\n", "has no devices below its header"),
+        ("pull_in_V,frequency\n70,21\n", "no column 'resonance_kHz'"),
+        ("pull_in_V,resonance_kHz\n", "nothing stands below the heading"),
     ):
         devices.write_text(text)
         done = invoke("export", store, "trim", "--devices", devices)

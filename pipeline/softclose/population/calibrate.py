@@ -133,7 +133,7 @@ def calibrate(
     variables = ("D", "G", *measurements.law)
     parameters = device_parameters(measurements, plate_area_um2)
     _check_settings(bounds, variables, parameters, n_bootstrap, confidence)
-    notes: list[str] = []
+    notes: list[str] = [*measurements.notes]
     fits: dict[str, Fit] = {}
     for stream, (v, column) in enumerate(zip(variables, parameters.T, strict=True)):
         if np.ptp(column) <= 1e-9 * column.mean():

@@ -6,22 +6,13 @@ record of thousands of samples takes as many steps. `simplified` leaves out thos
 
 from __future__ import annotations
 
-import csv
 import math
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from softclose.waveform.pulses import MAX_VOLTS, FloatArray, WaveformError
-
-TO_US = {"s": 1e6, "ms": 1e3, "us": 1.0, "µs": 1.0, "ns": 1e-3}
-"""Units of time, in µs."""
-
-_UNIT = re.compile(r"(?<![a-z])(ns|[uµ]s|ms|s|sec|seconds)(?![a-z])", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, init=False, eq=False)
@@ -105,66 +96,3 @@ class Trace:
             low, high = max(low, slope - tolerance_volts / run), min(high, slope + tolerance_volts / run)
         kept.append(len(t) - 1)
         return Trace(self.times_us[kept], self.volts[kept])
-
-
-def read_trace(path: str | Path, *, time_unit: str | None = None, shift_us: float = 0.0, gain: float = 1.0) -> Trace:
-    """A drive from a CSV file of two or more columns: instants first, volts next.
-
-    Parameters
-    ----------
-    path : str or Path
-        Lines that begin with # and empty ones are skipped; a heading may name the unit of the instants (`time_us`,
-        `Time (s)`). Separators are commas, semicolons or tabs.
-    time_unit : {"s", "ms", "us", "ns"}, optional
-        Where no heading says it.
-    shift_us : float
-        Added to the instants [µs]; what comes before 0 then is left out.
-    gain : float
-        Volts are multiplied by it: of a probe, or an amplifier whose input was recorded.
-
-    Returns
-    -------
-    Trace
-
-    Raises
-    ------
-    WaveformError
-        Naming the file and the line.
-    """
-    if time_unit is not None and time_unit not in TO_US:
-        raise WaveformError(f"the unit of time is {time_unit!r}; it must be one of {', '.join(TO_US)}")
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as e:
-        raise WaveformError(f"{path} cannot be read: {e}") from e
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip() and line[0] != "#"]
-    separator = next((s for s in (";", "\t", ",") if lines and s in lines[-1][1]), ",")
-    rows = list(csv.reader((line for _, line in lines), delimiter=separator))
-    samples: list[tuple[float, float]] = []
-    for (number, line), row in zip(lines, rows, strict=True):
-        try:
-            samples.append((float(row[0]), float(row[1])))
-        except (ValueError, IndexError) as e:
-            if samples:
-                raise WaveformError(f"{path}, line {number}: {line.strip()!r} is no pair of instant and volts") from e
-            time_unit = time_unit or _unit_of(row)
-    if time_unit is None:
-        raise WaveformError(
-            f"{path} does not say the unit of its instants: name the first column time_us (or s, ms, ns), or give it "
-            "(--time-unit)"
-        )
-    found = np.array(samples, dtype=np.float64).reshape(-1, 2)
-    try:
-        return Trace(found[:, 0] * TO_US[time_unit] + shift_us, found[:, 1] * gain)
-    except WaveformError as e:
-        raise WaveformError(f"{path}: {e}") from e
-
-
-def _unit_of(heading: Sequence[str]) -> str | None:
-    """Of `time_us`, `Time (s)`, `t [ms]`, `Seconds`; None where it says none."""
-    words = heading[0].replace("_", " ").lower() if heading else ""
-    found = _UNIT.findall(words)
-    if not found:
-        return None
-    unit = found[-1].replace("µ", "u")
-    return "s" if unit in ("sec", "seconds") else unit

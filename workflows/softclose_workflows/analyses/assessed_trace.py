@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,8 @@ from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.settings import CampaignConfig, load_config
-from softclose.waveform import Drive, Trace
+from softclose.switch.plate import pull_in_voltage
+from softclose.waveform import Drive, Trace, WaveformError
 from softclose_store import GroupArray, StoreMissingError, open_campaign, store_state, write_group
 from softclose_workflows.analyses.certify import check_size, simulate_fresh
 from softclose_workflows.analyses.chosen import Chosen, choose
@@ -66,11 +68,15 @@ def assess_trace(
     seed: int | None = None,
     threads: int = 1,
     listener: Step | None = None,
+    max_volts: float | None = None,
+    scaled: bool = False,
 ) -> AssessedTrace:
     """Assess a drive on fresh switches of a lot.
 
     source: a store, whose best waveform runs on the same switches; or a preset or TOML file, for its lot and objective.
-    Every switch gets the drive as it is, also where the campaign trims. Raises CertifyError for too few switches.
+    Every switch gets the drive as it is, also where the campaign trims. max_volts: the highest voltage that the drive
+    may reach, the campaign's where it is None; scaled: the caller has said what the record has to be multiplied by.
+    Raises CertifyError for too few switches, WaveformError for a drive that is too high, or so low that it is none.
     """
     best = None
     if _is_store(source):
@@ -80,6 +86,7 @@ def assess_trace(
         config = load_config(source)
     check_size(config, n_switches, 1)
     needs.check_fresh(n_switches, 2)
+    check_drive(trace, config, max_volts=max_volts, scaled=scaled)
     chosen_seed = seed if seed is not None else best.seed if best is not None else config.campaign.seed
     drives: list[Drive] = [trace] if best is None else [trace, best.waveform]
     judged = simulate_fresh(
@@ -98,6 +105,30 @@ def assess_trace(
         else compare((judged[0], assessments[0]), (judged[1], assessments[1]), config.objective.confidence),
         config=config,
     )
+
+
+def check_drive(trace: Trace, config: CampaignConfig, *, max_volts: float | None, scaled: bool) -> None:
+    """Raise WaveformError for a record that no drive of this lot can be.
+
+    Above what is allowed; or below half of the mean switch's pull-in voltage, where nothing closes: a monitor output,
+    an amplifier's input, or another unit, unless the caller says `scaled`.
+    """
+    horizon = config.model.horizon_us
+    peak = trace.max_voltage(horizon)
+    allowed = config.waveform.max_volts if max_volts is None else max_volts
+    if peak > allowed * (1.0 + 1e-9):
+        raise WaveformError(
+            f"the record reaches {peak:.6g} V within {horizon:g} µs; {allowed:g} V are allowed (waveform.max_volts). "
+            f"Are its voltages in mV? If it is the drive, say --max-volts {math.ceil(peak)}"
+        )
+    population = config.build_population()
+    pull_in = float(pull_in_voltage(population.mean_switch, population.plate_area(config.model.plate_area_um2)))
+    if not scaled and peak < 0.5 * pull_in:
+        raise WaveformError(
+            f"the record reaches {peak:.4g} V within {horizon:g} µs, and the mean switch pulls in at {pull_in:.4g} V: "
+            "nothing would close. If it is a monitor output or an amplifier's input, say what it has to be multiplied "
+            "by (--scale 1000); --scale 1 says that it is the drive"
+        )
 
 
 def keep(path: str, name: str, found: AssessedTrace) -> str:

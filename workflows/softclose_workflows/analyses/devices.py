@@ -20,6 +20,7 @@ def propagate(
     path: str,
     measurements: str,
     *,
+    columns: Mapping[str, str] | None = None,
     candidate: int | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     n_lots: int = 200,
@@ -31,7 +32,7 @@ def propagate(
     """A stored waveform on lots that a file's devices may have come from. Raises MeasurementError, DevicesError."""
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
-    devices = read_measurements(measurements)
+    devices = read_measurements(measurements, columns=columns)
     fitted = calibrate(
         devices, bounds=bounds, plate_area_um2=chosen.config.model.plate_area_um2, n_bootstrap=20, seed=seed
     )

@@ -313,6 +313,7 @@ def calibrate(
     output: str | os.PathLike[str] | None = None,
     *,
     name: str | None = None,
+    columns: Mapping[str, str] | None = None,
     **settings: Any,
 ) -> Result[Calibration]:
     """Fit a population to device measurements.
@@ -325,6 +326,8 @@ def calibrate(
         TOML file to write, which `population.name` takes.
     name
         Of the population; by default that of the file.
+    columns
+        Which column of the file is which, where its heading calls it otherwise: `{"G_um": "gap"}`.
     **settings
         `bounds`, `plate_area_um2`, `n_bootstrap`, `confidence` and `seed` of `softclose.population.calibrate`.
 
@@ -337,7 +340,7 @@ def calibrate(
         raise MeasurementError(f"{measurements!r} is no file of measurements; give the path of a CSV")
     source = Path(measurements)
     target = None if output is None else check_file(Path(output), "output", [".toml"])
-    found = fit_population(read_measurements(source), name=name or (target or source).stem, **settings)
+    found = fit_population(read_measurements(source, columns=columns), name=name or (target or source).stem, **settings)
     if target is not None:
         with whole_file(target, "output") as partial:
             write_calibration(found, partial)

@@ -4,20 +4,38 @@ from __future__ import annotations
 
 import click
 
-from softclose_workflows.commands.options import quiet_option
+from softclose_workflows.commands.options import columns_option, quiet_option
 
 
 @click.command(
-    epilog="\b\nExamples:\n  softclose assess runs/a.zarr scope.csv --time-unit s --gain 20\n"
+    epilog="\b\nExamples:\n  softclose assess runs/a.zarr scope.csv --scale 20\n"
+    "  softclose assess runs/a.zarr scope.csv --columns time_s=Time,volts_V=CH2\n"
     "  softclose assess current-three trace.csv --switches 20000 --json"
 )
 @click.argument("source", metavar="STORE|PRESET|FILE")
 @click.argument("trace", metavar="CSV")
+@columns_option("time_us=t1,volts_mV=CH2")
 @click.option(
-    "--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Of the first column, where its heading says none."
+    "--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Of the instants, where the file says none."
+)
+@click.option(
+    "--volt-unit", type=click.Choice(["V", "mV", "kV", "uV"]), help="Of the voltages, where the file says none."
 )
 @click.option("--shift", "shift_us", type=float, default=0.0, metavar="T_US", help="Added to the instants [µs].")
-@click.option("--gain", type=float, default=1.0, show_default=True, help="Volts are multiplied by it.")
+@click.option(
+    "--scale",
+    "--gain",
+    "scale",
+    type=float,
+    metavar="FACTOR",
+    help="Voltages are multiplied by it: of a probe, a monitor output, or an amplifier whose input was recorded.",
+)
+@click.option(
+    "--max-volts",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="VOLTS",
+    help="Highest voltage that the record may reach [that of the campaign].",
+)
 @click.option(
     "--tolerance",
     "tolerance_volts",
@@ -35,9 +53,12 @@ from softclose_workflows.commands.options import quiet_option
 def assess(
     source: str,
     trace: str,
+    columns: str | None,
     time_unit: str | None,
+    volt_unit: str | None,
     shift_us: float,
-    gain: float,
+    scale: float | None,
+    max_volts: float | None,
     tolerance_volts: float,
     switches: int,
     seed: int | None,
@@ -45,12 +66,14 @@ def assess(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """What a lot does under a drive that you have recorded or drawn, as a CSV file of instants and volts.
+    """What a lot does under a drive that you have recorded or drawn, as a table of instants and voltages.
 
     Of a STORE the best waveform runs on the same switches, so that the difference has an interval; of a PRESET or a
     FILE lot and objective are taken.
     """
-    from softclose.waveform import read_trace
+    from softclose.datafiles import parsed_columns
+    from softclose.waveform import read_record
+    from softclose.waveform.recorded import COLUMNS
     from softclose_workflows.analyses.assessed_trace import assess_trace, keep
     from softclose_workflows.analyses.certified_tables import comparison_line
     from softclose_workflows.run import records
@@ -59,14 +82,33 @@ def assess(
     from softclose_workflows.tell.plain import json_text, waveform_rows
     from softclose_workflows.tell.tables import interval_kinds, print_designs
 
-    read = read_trace(trace, time_unit=time_unit, shift_us=shift_us, gain=gain)
+    record = read_record(
+        trace,
+        columns=parsed_columns(columns, COLUMNS),
+        time_unit=time_unit,
+        volt_unit=volt_unit,
+        shift_us=shift_us,
+        scale=1.0 if scale is None else scale,
+    )
+    read = record.trace
     drive = read.simplified(tolerance_volts) if tolerance_volts > 0.0 else read
     with bar("assessing", quiet=quiet) as listener:
-        found = assess_trace(source, drive, n_switches=switches, seed=seed, threads=n_cores(), listener=listener)
+        found = assess_trace(
+            source,
+            drive,
+            n_switches=switches,
+            seed=seed,
+            threads=n_cores(),
+            listener=listener,
+            max_volts=max_volts,
+            scaled=scale is not None,
+        )
     kept = None if keep_as is None else keep(source, keep_as, found)
     if as_json:
-        click.echo(json_text(found.to_json() | {"kept": kept}))
+        click.echo(json_text(found.to_json() | {"kept": kept, "read": record.notes}))
         return
+    for note in record.notes:
+        click.echo(f"{trace}: {note}")
     rows: list[tuple[str, list[list[float | None]], dict[str, object]]] = [
         (
             f"{trace}\n{len(read.times_us):,} samples, {len(drive.times_us):,} lines, "

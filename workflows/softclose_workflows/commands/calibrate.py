@@ -7,14 +7,18 @@ from pathlib import Path
 
 import click
 
+from softclose_workflows.commands.options import columns_option
+
 
 @click.command(
     epilog="\b\nExamples:\n  softclose calibrate measurements.csv -o mine.toml --figure mine.svg\n"
     "  softclose run current --set population.name=mine.toml --store runs/mine.zarr\n\n\b\n"
-    "The CSV needs the columns G_um, D_um, T_um and pull_in_V, one device a line."
+    "The table needs the columns G_um, D_um, T_um and pull_in_V (or G_um, D_um, pull_in_V and resonance_kHz), one "
+    "device a line; separators, decimal sign and encoding are found."
 )
 @click.argument("measurements", metavar="CSV")
 @click.option("-o", "--output", required=True, metavar="TOML", help="The population, as `softclose run` accepts it.")
+@columns_option("G_um=gap,D_um=travel")
 @click.option("--name", help="Name of the population [that of the file].")
 @click.option(
     "--bounds",
@@ -32,6 +36,7 @@ import click
 def calibrate(
     measurements: str,
     output: str,
+    columns: str | None,
     name: str | None,
     given: tuple[str, ...],
     plate_area: float,
@@ -42,21 +47,24 @@ def calibrate(
     as_json: bool,
 ) -> None:
     """Fit a population to device measurements: gap, travel, and thickness with pull-in voltage, or a resonance."""
+    from softclose.datafiles import parsed_columns
     from softclose.population.calibrate import calibrate as fit
     from softclose.population.calibrate import write_calibration
-    from softclose.population.measurements import read_measurements
+    from softclose.population.measurements import NAMES, read_measurements
     from softclose_workflows.tell.console import wide_console, working
     from softclose_workflows.tell.outputs import check_file, whole_file
     from softclose_workflows.tell.plain import json_text
 
+    theirs = parsed_columns(columns, NAMES)
     check_file(output, "-o", [".toml"])
     if figure:
         from softclose_workflows.figures.saving import check_figure
 
         check_figure(figure)
+    devices = read_measurements(measurements, columns=theirs)
     with working(f"fitting, {bootstrap} bootstrap samples of each variable", quiet=False):
         calibration = fit(
-            read_measurements(measurements),
+            devices,
             name=name or Path(output).stem,
             bounds=parsed_bounds(given),
             plate_area_um2=plate_area,
@@ -89,6 +97,7 @@ def calibrate(
             first = (f"{variable} [{row['unit']}]", row["kind"], f"{row['p_value']:.3f}") if i == 0 else ("", "", "")
             table.add_row(first[0], first[1], key, f"{value:.5g} ({lower:.5g}–{upper:.5g})", first[2])
     console = wide_console()
+    console.print(devices.said, markup=False)
     console.print(table)
     for note in calibration.notes:
         console.print(f"note: {note}")

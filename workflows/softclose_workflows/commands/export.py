@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from softclose_workflows.commands.options import columns_option
+
 if TYPE_CHECKING:
     from softclose.waveform import Waveform
     from softclose_store import Campaign
@@ -308,6 +310,7 @@ def history(store: str, /, form: str, output: Path | None) -> None:
     metavar="CSV",
     help="Measured devices, with the columns pull_in_V and resonance_kHz as far as they are measured.",
 )
+@columns_option("pull_in_V=Vpi,device=serial")
 @click.option(
     "--rows",
     type=click.IntRange(2, 1000),
@@ -318,8 +321,12 @@ def history(store: str, /, form: str, output: Path | None) -> None:
 @candidate_option
 @output_option
 @click.pass_obj
-def trim(store: str, /, devices: Path | None, rows: int, candidate: int | None, output: Path | None) -> None:
+def trim(
+    store: str, /, devices: Path | None, columns: str | None, rows: int, candidate: int | None, output: Path | None
+) -> None:
     """From what is measured on a switch to the scales of its drive: a table for the test floor."""
+    from softclose.datafiles import parsed_columns
+    from softclose.population.measurements import NAMES
     from softclose.settings import CampaignConfig
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
@@ -329,7 +336,10 @@ def trim(store: str, /, devices: Path | None, rows: int, candidate: int | None, 
     campaign = open_campaign(store)
     config = CampaignConfig.from_dict(campaign.config)
     drive = Waveform.from_rows(campaign.waveform(_candidate(campaign, candidate)))
-    _emit(grid_table(config, drive, rows) if devices is None else device_table(config, drive, devices), output)
+    if devices is None:
+        _emit(grid_table(config, drive, rows), output)
+    else:
+        _emit(device_table(config, drive, devices, parsed_columns(columns, NAMES)), output)
 
 
 def _whole(store: str, i: int) -> Waveform:

@@ -74,3 +74,12 @@ def break_lock_option(command: Command) -> Command:
     return click.option(
         "--break-lock", is_flag=True, help="Take the store over from a driver that you know to be dead elsewhere."
     )(command)
+
+
+def columns_option(example: str) -> Callable[[Command], Command]:
+    """--columns."""
+    return click.option(
+        "--columns",
+        metavar="OURS=THEIRS,…",
+        help=f"Which column of the table is which, where its heading calls it otherwise: {example}.",
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from softclose_workflows.commands.options import quiet_option
+from softclose_workflows.commands.options import columns_option, quiet_option
 
 
 @click.command(
@@ -13,6 +13,7 @@ from softclose_workflows.commands.options import quiet_option
 )
 @click.argument("store", metavar="STORE")
 @click.argument("measurements", metavar="CSV")
+@columns_option("G_um=gap,D_um=travel")
 @click.option("--candidate", type=int, metavar="N", help="Which candidate [the best certified one, or else the best].")
 @click.option(
     "--bounds",
@@ -28,6 +29,7 @@ from softclose_workflows.commands.options import quiet_option
 def propagate(
     store: str,
     measurements: str,
+    columns: str | None,
     candidate: int | None,
     bounds: tuple[str, ...],
     lots: int,
@@ -41,6 +43,8 @@ def propagate(
     The lot is fitted to the devices of CSV, and to as many others drawn from it, again and again: what v_u and p_nc
     vary by is what the devices leave open. A certificate's interval has the luck of its switches only.
     """
+    from softclose.datafiles import parsed_columns
+    from softclose.population.measurements import NAMES
     from softclose_workflows.analyses.devices import propagate as run
     from softclose_workflows.analyses.devices import said, to_json
     from softclose_workflows.commands.calibrate import parsed_bounds
@@ -53,6 +57,7 @@ def propagate(
         chosen, found = run(
             store,
             measurements,
+            columns=parsed_columns(columns, NAMES),
             candidate=candidate,
             bounds=known,
             n_lots=lots,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -67,10 +68,13 @@ def drive_of(
     return scaled(waveform, float(scales.voltage[0]), float(scales.time[0])), scales
 
 
-def device_table(config: CampaignConfig, waveform: Waveform, path: Path) -> str:
-    """A CSV of measured devices with the scales of each one's drive behind them."""
-    devices, values, _ = read_devices(path, used_columns(trim_of(config)))
-    return _csv(config, waveform, values, devices)
+def device_table(
+    config: CampaignConfig, waveform: Waveform, path: Path, columns: Mapping[str, str] | None = None
+) -> str:
+    """A CSV of measured devices with the scales of each one's drive behind them; columns: theirs by ours."""
+    names = used_columns(trim_of(config))
+    found = read_devices(path, names, columns=columns)
+    return _csv(config, waveform, np.stack([found.values[name] for name in names], axis=1), found.names)
 
 
 def grid_table(config: CampaignConfig, waveform: Waveform, rows: int) -> str:
