@@ -200,6 +200,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @example(layout=Layout(delimiter=";", decimal=",", thousands=".", time="ns", volt="mV"))
 @example(layout=Layout(delimiter="\t", thousands=",", time="ns", volt="mV", digits="g"))
 @example(layout=Layout(delimiter="   ", decimal=",", units_in="row"))
+@example(layout=Layout(form="{1}", time="ms", preamble=PREAMBLES[1], spoilt="surplus"))
 def test_a_drive_comes_out_as_it_was_written_or_is_refused_with_its_line(layout: Layout, file: Path) -> None:
     try:
         data, t_us, volts = written(layout)

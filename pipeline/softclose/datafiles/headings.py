@@ -196,12 +196,19 @@ def _units_below(rows: Sequence[Row], i: int) -> tuple[str, ...] | None:
     """The row of units under row i; None where the next row is none."""
     if i + 1 >= len(rows) or sum(bool(f) for f in rows[i][1]) < 2:
         return None
-    fields = rows[i + 1][1]
+    names, fields = rows[i][1], rows[i + 1][1]
+    if len(names) != len(fields) and len(_trimmed(names)) != len(_trimmed(fields)):
+        return None  # some other line of the preamble
     kinds = [_bare_unit(f) is not None for f in fields if f]
     others = [f.casefold() in _COUNTS or is_number(f) or f in ("-", "()", "[]", "(-)", "[-]") for f in fields if f]
     if not any(kinds) or not all(a or b for a, b in zip(kinds, others, strict=True)):
         return None
     return fields
+
+
+def _trimmed(fields: Sequence[str]) -> Sequence[str]:
+    """Without empty fields at its end."""
+    return fields[: max((i + 1 for i, field in enumerate(fields) if field), default=0)]
 
 
 def _bare_unit(text: str) -> str | None:
