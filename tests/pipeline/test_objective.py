@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from softclose import assess
 from softclose.metrics import intervals
-from softclose.metrics.objective import Judged, ObjectiveError
+from softclose.metrics.objective import MAX_FAILED, Judged, ObjectiveError
 
 
 @dataclass(frozen=True)
@@ -232,3 +233,24 @@ def test_the_closing_time_is_a_quantile_over_all_switches() -> None:
     assert np.isnan(assess(replace(response, settling_us=settling * np.nan)).closing_us)
     with pytest.raises(ObjectiveError, match=r"settling_us has shape \(3,\)"):
         assess(replace(response, settling_us=settling[:3]))
+
+
+@pytest.mark.parametrize("form", ["penalty", "chance"])
+@pytest.mark.parametrize("risk", ["quantile", "cvar"])
+def test_g_is_undefined_where_more_than_a_stated_share_could_not_be_integrated(form: Any, risk: Any) -> None:
+    """What such switches would have done is not known, and they are not open for sure."""
+    n = 200
+    rng = np.random.default_rng(1)
+    for n_failed in (0, int(MAX_FAILED * n), int(MAX_FAILED * n) + 1, n):
+        status = (np.arange(n) < n_failed).astype(np.int8)
+        response = Judged(
+            max_contact_speed=np.where(status != 0, 2.8e7, rng.uniform(0.1, 0.2, n)),
+            closed=np.ones(n, dtype=bool),
+            status=status,
+        )
+        a = assess(response, form=form, risk=risk, p_max=0.1 if form == "chance" else None)
+        assert a.n_failed == n_failed
+        assert math.isnan(a.g_cm_s) == (n_failed > MAX_FAILED * n)
+        assert math.isnan(a.g_interval[0]) == math.isnan(a.g_cm_s)
+        assert a.p_nc == n_failed / n
+        assert not a.max_cm_s > 21.0, "what a failed switch left behind is no speed"

@@ -97,7 +97,7 @@ def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float) 
     """
     a = amplifier
     n = math.ceil(horizon_us / a.step_us)
-    t = a.step_us * np.arange(n + 1)
+    t = np.asarray(a.step_us * np.arange(n + 1), dtype=np.float64)
     command = t - a.delay_us
     if a.resolution_us > 0.0:
         command = a.resolution_us * np.floor(command / a.resolution_us + 1e-9)

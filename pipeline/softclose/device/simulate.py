@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import math
 import operator
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.device.status import Status as Status
 from softclose.kernel import dispatch
 from softclose.switch.losses import Losses
 from softclose.switch.reduced_order import ReducedOrder
@@ -27,27 +27,6 @@ RTOL_RANGE = (1e-13, 1e-6)
 
 class SimulationError(ValueError):
     """Input that cannot be simulated."""
-
-
-class Status(enum.IntEnum):
-    """How the integration of one switch ended."""
-
-    OK = 0
-    """Reached the horizon."""
-    WORK_LIMIT = 1
-    """Gave up after `max_steps` steps."""
-    COLLAPSED = 2
-    """The electrode reached its counter-electrode, before the contact or behind it: nothing holds it off there."""
-    LEFT_TABLE = 3
-    """The electrode left the range of its table of capacitance, below or above."""
-
-
-STATUS_WORDS = {
-    Status.WORK_LIMIT: "took too many steps",
-    Status.COLLAPSED: "collapsed onto the electrode",
-    Status.LEFT_TABLE: "left the table of capacitance",
-}
-"""What is said of switches that ended so: "3 switches collapsed onto the electrode"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,9 @@ Form = Literal["penalty", "chance"]
 
 CM_S = 100.0
 """cm/s in one µm/µs."""
+MAX_FAILED = 0.05
+"""Largest share of switches that could not be integrated for which g is defined: they count as open, and what they
+would have done is not known."""
 FORMS: tuple[str, ...] = ("penalty", "chance")
 Risk = Literal["quantile", "cvar"]
 RISKS: tuple[str, ...] = ("quantile", "cvar")
@@ -91,7 +94,8 @@ class Assessment:
     n_failed: int
     """Switches that could not be integrated: counted as not closed and without contact."""
     g_cm_s: float
-    """The objective, Eq. 10 or its chance-constrained form. Always finite."""
+    """The objective, Eq. 10 or its chance-constrained form. Finite, or NaN where more than `MAX_FAILED` of the
+    switches could not be integrated."""
     g_interval: Interval
     """Interval of g; inf above where too few switches touched to bound v_u."""
     g_se_cm_s: float
@@ -239,6 +243,8 @@ def assess(
 
     counted = p_nc.wilson[1] if assured and form == "chance" else p_nc.estimate
     g = (value if defined else undefined_v_u_cm_s) + penalty(counted)
+    if n_failed > MAX_FAILED * n:
+        g = math.nan
     q_range = (value - value_interval[0], value_interval[1] - value) if defined else (0.0, 0.0)
     jumps = intervals.quantile_jumps(ordered, level, confidence) if defined and risk == "quantile" else (0.0, 0.0)
     # Wilson's interval is too short for a rare event: below ten of a kind, Clopper and Pearson's.

@@ -9,7 +9,7 @@ from softclose_workflows.analyses.opening import openings_to_json, print_opening
 from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import finite, waveform_rows
-from softclose_workflows.tell.tables import ends, interval_kinds, print_designs, with_interval
+from softclose_workflows.tell.tables import beside, ends, interval_kinds, print_designs, with_interval
 
 if TYPE_CHECKING:
     from softclose.metrics.paired import Comparison
@@ -33,7 +33,7 @@ def print_certification(result: Certification) -> None:
     best = result.best
     p = best.assessment.p_nc_intervals
     console.print(f"best: {best.name}")
-    console.print(f"  p_nc {_proportion(p)}")
+    console.print(f"  p_nc {_proportion(p)}{beside(best.assessment.n_failed, best.assessment.n)}")
     if best.assessment.limit is not None:
         console.print(f"  {best.assessment.limit.sentence}")
     for exceedance in best.assessment.p_exceed:

@@ -13,7 +13,7 @@ from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.console import Step, wide_console
 from softclose_workflows.tell.plain import finite
-from softclose_workflows.tell.tables import with_interval
+from softclose_workflows.tell.tables import share_open, with_interval
 
 USUAL: dict[Kind, tuple[float, ...]] = {
     "stiffness": (-0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2),
@@ -79,7 +79,7 @@ def print_drift(chosen: Chosen, found: Drift, n_switches: int) -> None:
             "none" if still else shown(found.kind, r.drift),
             with_interval(a.v_u_cm_s, *a.v_u_interval),
             "" if still else with_interval(c.v_u_cm_s, *c.v_u_interval),
-            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4),
+            share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
             "" if still else with_interval(c.p_nc, *c.p_nc_interval, 4),
             f"{a.g_cm_s:.2f}",
         )

@@ -14,7 +14,7 @@ from softclose.waveform import Waveform
 from softclose_store import Campaign, open_campaign
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing, read_standing
-from softclose_workflows.tell.tables import describe_waveform
+from softclose_workflows.tell.tables import beside, describe_waveform, n_failed_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,7 +111,7 @@ class CampaignRun(os.PathLike[str]):
             b = s.best
             lines.append(
                 f"best: candidate {b.candidate}, g {b.g_cm_s:.2f} cm/s, v_u {b.v_u_cm_s:.2f} cm/s, p_nc {b.p_nc:.4f} "
-                f"on {b.n_switches:,} switches"
+                f"on {b.n_switches:,} switches" + beside(n_failed_of(b), b.n_switches)
             )
             lines += describe_waveform(waveform_rows(b.waveform)).splitlines()
         return lines

@@ -45,7 +45,7 @@ def tolerance(
     from softclose_workflows.analyses.drive_errors import tolerance as run
     from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.plain import json_text, waveform_rows
-    from softclose_workflows.tell.tables import with_interval
+    from softclose_workflows.tell.tables import share_open, with_interval
 
     asked = [
         *(DriveError(gain=x) for x in gain),
@@ -92,7 +92,7 @@ def tolerance(
             describe(r.error),
             with_interval(a.v_u_cm_s, *a.v_u_interval),
             f"{r.v_u_shift_cm_s:+.2f}",
-            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4),
+            share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
             f"{r.p_nc_shift:+.4f}",
             f"{a.g_cm_s:.2f}",
         )

@@ -27,6 +27,7 @@ from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_live, render_report
 from softclose_workflows.report.shapes import best_so_far, changes
 from softclose_workflows.tell.standing import standing_of
+from softclose_workflows.tell.tables import beside, n_failed_of
 from softclose_workflows.tell.watch import pace
 
 EVERY_S = 1.0
@@ -117,6 +118,7 @@ def _read(name: str, path: Path, holder: Holder | None) -> State:
             "g_cm_s": b.g_cm_s,
             "v_u_cm_s": b.v_u_cm_s if math.isfinite(b.v_u_cm_s) else None,
             "p_nc": b.p_nc,
+            "not_integrated": beside(n_failed_of(b), b.n_switches),
             "n_switches": b.n_switches,
         },
         history=([int(i) for i in usable[steps]], [round(float(g), 4) for g in best[steps]]),

@@ -13,6 +13,7 @@ from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.analyses.references import missing_lines
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.tell.labels import interval, number, percent, percent_interval, pulse_lines
+from softclose_workflows.tell.tables import beside
 
 
 def headline(data: ReportData) -> dict[str, Any]:
@@ -58,7 +59,7 @@ def _certified(data: ReportData, c: Certification) -> dict[str, Any]:
             "v_u": number(d.assessment.v_u_cm_s, 2),
             "v_u_interval": interval(*d.assessment.v_u_interval, 2),
             "mean": number(d.assessment.mean_cm_s, 2),
-            "p_nc": percent(d.assessment.p_nc, 2),
+            "p_nc": percent(d.assessment.p_nc, 2) + beside(d.assessment.n_failed, d.assessment.n),
         }
         for d in (*c.candidates, *c.references)
     ]
@@ -88,6 +89,7 @@ def _cards(data: ReportData, a: Assessment) -> list[dict[str, str]]:
             "value": percent(a.p_nc, digits),
             "interval": bounds(percent_interval(*a.p_nc_intervals.wilson, digits)),
             "what": f"not held in contact at {data.config.model.horizon_us:g} µs"
+            + beside(a.n_failed, a.n)
             + ("" if a.limit is None else f"; {a.limit.sentence}"),
         },
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.device.status import reasons
 from softclose.evaluate import judge
-from softclose.metrics.objective import Judged
+from softclose.metrics.objective import MAX_FAILED, Judged
 from softclose.propose.protocol import Proposal, Wave
 from softclose.settings import CampaignConfig
 from softclose_store import Layout, assessed_digest, proposals_digest
@@ -84,7 +86,12 @@ class Flight:
             status=np.concatenate([result.status[local] for result, local in parts]),
             settling_us=np.concatenate([result.settling_us[local] for result, local in parts]),
         )
-        return proposed | records.assessment_record(judge(config, response)) | timings
+        found = judge(config, response)
+        record = records.assessment_record(found)
+        if math.isnan(found.g_cm_s):
+            why = f"{reasons(response.status)}; above {MAX_FAILED:.0%} g is not defined"
+            record |= {"failed": True, "failure": why}
+        return proposed | record | timings
 
 
 def plan_tasks(

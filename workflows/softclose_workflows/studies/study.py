@@ -20,7 +20,7 @@ from softclose_workflows.studies.study_file import Study
 from softclose_workflows.tell.console import bar, wide_console
 from softclose_workflows.tell.outputs import write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
-from softclose_workflows.tell.tables import describe_waveform, with_interval
+from softclose_workflows.tell.tables import describe_waveform, share_open, with_interval
 
 FloatArray = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ def print_study(result: StudyResult) -> None:
             describe_waveform(waveform_rows(c.best.waveform.rows())),
             with_interval(a.v_u_cm_s, *a.v_u_interval),
             with_interval(a.mean_cm_s, *a.mean_interval),
-            with_interval(a.p_nc, *a.p_nc_intervals.wilson, 4),
+            share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
             with_interval(a.g_cm_s, *a.g_interval),
             f"{c.best.flattery_cm_s:+.2f}",
             f"{c.references[0].assessment.v_u_cm_s:.2f}",

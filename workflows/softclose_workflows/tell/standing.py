@@ -69,6 +69,7 @@ def best_to_json(best: Best) -> dict[str, Any]:
             "mean_cm_s": float(best.mean_cm_s),
             "p_nc": float(best.p_nc),
             "n_switches": best.n_switches,
+            "n_failed": max(int(best.record.get("n_failed_switches", 0)), 0),
             "waveform": waveform_rows(best.waveform),
         }
     )

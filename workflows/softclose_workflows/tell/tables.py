@@ -6,7 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from softclose.metrics.intervals import unseen_share
+from softclose.device.status import not_integrated
+from softclose.metrics.intervals import Interval, unseen_share
+from softclose_store import Best
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing
@@ -57,9 +59,19 @@ def metrics_row(record: Mapping[str, Any]) -> list[str]:
     return [
         with_interval(record["v_u_cm_s"], record["v_u_lower_cm_s"], record["v_u_upper_cm_s"]),
         with_interval(record["mean_cm_s"], record["mean_lower_cm_s"], record["mean_upper_cm_s"]),
-        with_interval(record["p_nc"], record["p_nc_wilson_lower"], record["p_nc_wilson_upper"], 4),
+        share_open(
+            record["p_nc"],
+            (record["p_nc_wilson_lower"], record["p_nc_wilson_upper"]),
+            int(record["n_failed_switches"]),
+        ),
         with_interval(record["g_cm_s"], record["g_lower_cm_s"], record["g_upper_cm_s"]),
     ]
+
+
+def share_open(p_nc: float, bounds: Interval, n_failed: int) -> str:
+    """p_nc with its interval, and below it how many switches could not be integrated, which it counts as open."""
+    failed = f"\n{n_failed:,} not integrated" if n_failed else ""
+    return with_interval(p_nc, *bounds, 4) + failed
 
 
 def print_designs(
@@ -76,6 +88,20 @@ def print_designs(
     for name, rows, record in designs:
         table.add_row(name, describe_waveform(rows), *metrics_row(record))
     wide_console().print(table)
+
+
+def beside(n_failed: int, n: int) -> str:
+    """`; 3 of 50 switches could not be integrated`, to stand behind p_nc; empty where all could."""
+    return f"; {not_integrated(n_failed, n)}" if n_failed else ""
+
+
+def n_failed_of(best: Best) -> int:
+    """Switches of the best candidate that could not be integrated; 0 in stores that do not know."""
+    return max(int(best.record.get("n_failed_switches", 0)), 0)
+
+
+def _known(value: float) -> str:
+    return with_interval(value, math.nan, math.nan)
 
 
 def trouble_lines(standing: Standing) -> list[str]:
@@ -106,8 +132,9 @@ def print_standing(standing: Standing) -> None:
         console.print("no usable candidate yet")
         return
     console.print(
-        f"best: candidate {best.candidate}, g {best.g_cm_s:.2f} cm/s, v_u {best.v_u_cm_s:.2f} cm/s, "
-        f"mean V {best.mean_cm_s:.2f} cm/s, p_nc {best.p_nc:.4f} on {best.n_switches} switches"
+        f"best: candidate {best.candidate}, g {best.g_cm_s:.2f} cm/s, v_u {_known(best.v_u_cm_s)} cm/s, "
+        f"mean V {_known(best.mean_cm_s)} cm/s, p_nc {best.p_nc:.4f} on {best.n_switches} switches"
+        + beside(n_failed_of(best), best.n_switches)
     )
     if standing.limit is not None:
         console.print(standing.limit.sentence)

@@ -1,0 +1,132 @@
+"""Claims about switches that could not be integrated: they stand beside p_nc wherever it is told, and make no best."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from softclose import assess
+from softclose.device.status import Status, not_integrated, reasons
+from softclose.metrics.objective import Judged
+from softclose_store import Best, open_campaign
+from softclose_workflows.cli import main
+from softclose_workflows.run.records import assessment_record
+from softclose_workflows.tell.standing import Standing, best_to_json
+from softclose_workflows.tell.tables import metrics_row, print_standing, share_open
+
+PLATE = """
+name = "plate on a soft contact"
+plate_area_um2 = 10353.5
+[D]
+distribution = "uniform"
+lower = 2.574
+upper = 2.626
+[G]
+distribution = "uniform"
+lower = 3.781
+upper = 3.819
+[K]
+distribution = "uniform"
+lower = 40.74
+upper = 43.26
+[f]
+distribution = "uniform"
+lower = 20.8
+upper = 21.2
+"""
+SOFT = """
+[[mode]]
+frequency_kHz = 21.0
+quality_factor = 25.0
+[contact]
+stiffness_N_per_m = 312.4
+exponent = 1.0
+loss_us_per_um = 2.367
+"""
+DESIGN = """
+[campaign]
+name = "soft contact"
+budget = 4
+[population]
+name = "lot.toml"
+n_switches = 20
+[model]
+name = "reduced-order"
+modes = "soft.toml"
+[waveform]
+max_volts = 120.0
+[optimiser]
+engine = "sobol"
+[explore]
+budget = 0
+[finish]
+budget = 0
+[store]
+n_times = 11
+"""
+
+
+def test_a_lot_that_is_pulled_through_its_contact_names_no_best(tmp_path: Path) -> None:
+    for name, text in (("lot.toml", PLATE), ("soft.toml", SOFT), ("design.toml", DESIGN)):
+        (tmp_path / name).write_text(text)
+    (tmp_path / "step.csv").write_text("t_us,V\n0,0\n0.05,95\n")
+    store, runner = str(tmp_path / "a.zarr"), CliRunner()
+    done = runner.invoke(main, ["run", str(tmp_path / "design.toml"), "--store", store, "--serial", "--quiet"])
+    assert done.exit_code in (0, 1, 3), done.output
+    assert "its contact, until its electrode collapses" in done.stderr
+    campaign = open_campaign(store)
+    records = campaign.records()
+    gone = records["n_failed_switches"] > 1
+    assert gone.any()
+    assert records["failed"][gone].all()
+    assert np.isnan(records["g_cm_s"][gone]).all()
+    assert "20 of 20 switches could not be integrated: 20 collapsed" in " ".join(map(str, records["failure"]))
+    best = campaign.best()
+    assert best is None or best.record["n_failed_switches"] <= 1
+    told = runner.invoke(
+        main, ["assess", str(tmp_path / "design.toml"), str(tmp_path / "step.csv"), "--switches", "40"]
+    )
+    assert told.exit_code == 0, told.output
+    assert "40 not integrated" in told.stdout
+    said = json.loads(
+        runner.invoke(
+            main, ["assess", str(tmp_path / "design.toml"), str(tmp_path / "step.csv"), "--switches", "40", "--json"]
+        ).stdout
+    )
+    assert '"g_cm_s": null' in json.dumps(said)
+
+
+def test_it_stands_beside_p_nc_in_every_table(capsys: pytest.CaptureFixture[str]) -> None:
+    status = np.zeros(100, dtype=np.int8)
+    status[:3] = Status.COLLAPSED
+    made = Judged(max_contact_speed=np.linspace(0.1, 0.2, 100), closed=np.ones(100, dtype=bool), status=status)
+    record = assessment_record(assess(made))
+    assert "3 not integrated" in metrics_row(record)[2]
+    assert "not integrated" not in share_open(0.1, (0.05, 0.2), 0)
+    best = Best(
+        candidate=4,
+        g_cm_s=15.0,
+        v_u_cm_s=14.0,
+        mean_cm_s=9.0,
+        p_nc=0.03,
+        n_switches=100,
+        waveform=np.array([[0.0, 4.0, np.inf, 100.0]]),
+        record=record,
+    )
+    standing = Standing(
+        store="a.zarr", name="a", committed=5, budget=9, failed=0, fallbacks=0, reason="", best=best, limit=None
+    )
+    print_standing(standing)
+    assert "3 of 100 switches could not be integrated" in capsys.readouterr().out
+    assert best_to_json(best)["n_failed"] == 3
+
+
+def test_reasons_are_counted_and_named() -> None:
+    assert reasons([0, 0]) == not_integrated(0, 5) == ""
+    each = "2 collapsed onto the counter-electrode, 1 left the table of capacitance"
+    assert reasons([0, 2, 2, 3]) == f"3 of 4 switches could not be integrated: {each}"
+    assert "1 ended with status 9" in reasons([0, 9])
