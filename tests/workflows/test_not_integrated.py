@@ -73,7 +73,7 @@ n_times = 11
 def test_a_lot_that_is_pulled_through_its_contact_names_no_best(tmp_path: Path) -> None:
     for name, text in (("lot.toml", PLATE), ("soft.toml", SOFT), ("design.toml", DESIGN)):
         (tmp_path / name).write_text(text)
-    (tmp_path / "step.csv").write_text("t_us,V\n0,0\n0.05,95\n")
+    (tmp_path / "step.csv").write_text("t_us,V\n0,0\n0.05,95\n250,95\n")
     store, runner = str(tmp_path / "a.zarr"), CliRunner()
     done = runner.invoke(main, ["run", str(tmp_path / "design.toml"), "--store", store, "--serial", "--quiet"])
     assert done.exit_code in (0, 1, 3), done.output
