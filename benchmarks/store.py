@@ -1,6 +1,6 @@
 """What storing costs: rates with and without the store, bytes a trajectory, codecs, commits, and the time to resume.
 
-    PYTHONPATH=pipeline:store:workflows OMP_NUM_THREADS=1 python benchmarks/store.py [rates] [codecs] [waves]
+    PYTHONPATH=pipeline:store:workflows OMP_NUM_THREADS=1 python benchmarks/store.py [rates] [codecs] [waves] [door]
 
 Kernel, store and codec are timed in turns in one process, in CPU time of one thread, so that a busy machine disturbs
 all of them alike; the medians are compared.
@@ -19,12 +19,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zarr
 from numcodecs import Blosc, Delta, blosc
 
 from softclose.device.simulate import Responses, simulate
 from softclose.population import load_population
 from softclose.waveform import Waveform
-from softclose_store import DriverStore, Layout, StageLayout, create_campaign, proposals_digest, write_block
+from softclose_store import (
+    DriverStore,
+    Layout,
+    StageLayout,
+    create_campaign,
+    open_campaign,
+    proposals_digest,
+    write_block,
+)
+from softclose_store.disk.files import open_files
+from softclose_store.schema.digests import block_digest
+from softclose_store.schema.opening import read_root
 
 TIMES_US = np.linspace(0.0, 250.0, 1001)
 HOLDS = float("inf")
@@ -55,6 +67,7 @@ def create(path: Path, stage: StageLayout, *, thin: bool = False) -> Layout:
         stages=(stage,), times_us=np.empty(0) if thin else TIMES_US, max_impacts=0 if thin else MAX_IMPACTS, n_pulses=3
     )
     columns = {"D": p[:, 0], "G": p[:, 1], "E": p[:, 2], "T": p[:, 3], "K": s[:, 2], "M": s[:, 3]}
+    columns |= {"voltage_scale": np.ones(n), "time_scale": np.ones(n)}
     create_campaign(path, layout=layout, config={"benchmark": n}, population=columns, algorithm="benchmark")
     return layout
 
@@ -200,10 +213,84 @@ def waves(folder: Path, n_candidates: int) -> None:
             subprocess.run([sys.executable, "-c", RESUME, str(path)], check=True)
 
 
+def filled(path: Path, shape: tuple[int, int], n_candidates: int) -> None:
+    """A campaign of so many candidates, shape (candidates, switches) a block, all of one waveform's responses."""
+    per_block, n_switches = shape
+    stage = StageLayout(
+        name="search",
+        n_candidates=n_candidates,
+        n_switches=n_switches,
+        block_candidates=per_block,
+        block_switches=n_switches,
+    )
+    create(path, stage)
+    rows = WAVEFORMS["near the optimum"]
+    r = respond(load_population("current").sample(per_block * n_switches, seed=1), rows)
+    block, proposed = arrays(r, per_block), {"waveform": rows, "n_switches": n_switches, "origin": "benchmark"}
+    with DriverStore(path) as store:
+        for i in range(n_candidates // per_block):
+            digest = proposals_digest([rows] * per_block, n_switches, i * per_block)
+            marker = write_block(path, "search", i, 0, block, digest)
+            store.commit([proposed | {"g_cm_s": 20.0}] * per_block, {(i, 0): marker})
+
+
+def everything(path: Path) -> None:
+    """All responses and motions of a campaign, as `Campaign` hands them out: compared with what was written."""
+    campaign = open_campaign(path)
+    for i in range(campaign.committed):
+        campaign.responses(i)
+        motion = campaign.trajectories(i)
+        motion.x[...], motion.v[...]
+
+
+def by_zarr(path: Path, n: int, step: int) -> None:
+    """The same arrays by zarr alone, so many candidates at a time: believed."""
+    group = zarr.open_group(path, mode="r")["search"]
+    for i in range(0, n, step):
+        for name in ("response", "x", "v"):
+            group[name][i : i + step]
+
+
+def door(folder: Path, repeats: int) -> None:
+    """What it costs to compare everything with its digests before it is believed, of reading it at all."""
+    blosc.use_threads = False  # which it has in the main thread only, where zarr does not decode
+    for shape, n in (((20, 256), 200), ((1, 5_000), 12)):
+        path = folder / f"door-{shape[1]}.zarr"
+        filled(path, shape, n)
+        campaign = open_campaign(path)
+        table, files = campaign._table(), open_files(path, read_only=True)
+        blocks = [campaign._blocks._read("search", name, 0, 0) for name in ("response", "x", "v")]
+        parts: dict[str, tuple[int, Callable[..., Any], tuple[Any, ...]]] = {
+            "everything, compared": (1, everything, (path,)),
+            "by zarr, block by block": (1, by_zarr, (path, n, shape[0])),
+            "by zarr, one by one": (1, by_zarr, (path, n, 1)),
+            "of that: root and schema": (1, read_root, (files, str(path))),
+            "rows of the tables": (1, table.check, (campaign._files, n)),
+            "digests of blocks": (n // shape[0], digests_of, (blocks,)),
+        }
+        print(f"{n} candidates of {shape[1]} switches, {shape[0]} a block (CPU, median of {repeats})")
+        spent = {}
+        for name, (times, part, given) in parts.items():
+            spent[name] = times * float(np.median([cpu(lambda p=part, g=given: p(*g)) for _ in range(repeats)]))  # type: ignore[misc]
+            print(f"  {name:26} {spent[name] * 1e3:9.2f} ms")
+        checks = sum(list(spent.values())[3:])
+        print(f"  the checks are {checks / spent['everything, compared']:.1%} of reading everything")
+    path = folder / "door-driver.zarr"
+    filled(path, (20, 256), 200)
+    opened = float(np.median([cpu(lambda: DriverStore(path).close()) for _ in range(repeats)]))
+    print(f"opening for a resume, all records and the last blocks of 200 candidates compared: {opened:.3f} s (CPU)")
+
+
+def digests_of(blocks: list[np.ndarray[Any, Any]]) -> None:
+    """The digests of the arrays of a block."""
+    for values in blocks:
+        block_digest("search", "x", 0, 0, 1, values)
+
+
 def main() -> None:
     """Run the parts asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("parts", nargs="*", default=["rates", "waves"], help="rates, codecs, waves")
+    parser.add_argument("parts", nargs="*", default=["rates", "waves"], help="rates, codecs, waves, door")
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--candidates", type=int, default=5_000, help="length of the campaign of waves")
     parser.add_argument("--folder", type=Path, default=None, help="where to write; default: a temporary folder")
@@ -215,6 +302,8 @@ def main() -> None:
             codecs(options.repeats)
         if "waves" in options.parts:
             waves(Path(folder), options.candidates)
+        if "door" in options.parts:
+            door(Path(folder), options.repeats)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from softclose_store.disk import below as below_module
 from softclose_store.disk import files as files_module
 from softclose_store.write import create as create_module
 
@@ -38,17 +39,19 @@ class Recorder:
     def __getattr__(self, name: str) -> Any:
         return getattr(os, name)
 
-    def _name(self, path: Any) -> str:
-        return Path(path).relative_to(self.base).as_posix()
+    def _name(self, path: Any, folder: int | None = None) -> str:
+        at = Path(path) if folder is None else Path(f"/proc/self/fd/{folder}").readlink() / path
+        return at.relative_to(self.base).as_posix()
 
-    def open(self, path: Any, flags: int, mode: int = 0o777) -> int:
-        descriptor = os.open(path, flags, mode)
-        if flags & os.O_CREAT:
+    def open(self, path: Any, flags: int, mode: int = 0o777, *, dir_fd: int | None = None) -> int:
+        is_new = flags & os.O_CREAT and flags & os.O_EXCL
+        descriptor = os.open(path, flags, mode, dir_fd=dir_fd)
+        if is_new:
             self._n_files += 1
             self._open[descriptor] = self._n_files
-            self.steps.append(("create", self._name(path), self._n_files))
+            self.steps.append(("create", self._name(path, dir_fd), self._n_files))
         else:
-            self._open[descriptor] = self._name(path)
+            self._open[descriptor] = self._name(path, dir_fd)
         return descriptor
 
     def write(self, descriptor: int, content: Any) -> int:
@@ -60,21 +63,21 @@ class Recorder:
         """Nothing here relies on this machine's disk."""
         self.steps.append(("sync", self._open[descriptor], None))
 
-    def replace(self, old: Any, new: Any) -> None:
-        os.replace(old, new)
-        self.steps.append(("rename", self._name(old), self._name(new)))
+    def replace(self, old: Any, new: Any, *, src_dir_fd: int, dst_dir_fd: int) -> None:
+        os.replace(old, new, src_dir_fd=src_dir_fd, dst_dir_fd=dst_dir_fd)
+        self.steps.append(("rename", self._name(old, src_dir_fd), self._name(new, dst_dir_fd)))
 
     def rename(self, old: Any, new: Any) -> None:
         os.rename(old, new)
         self.steps.append(("rename", self._name(old), self._name(new)))
 
-    def mkdir(self, path: Any) -> None:
-        os.mkdir(path)
-        self.steps.append(("mkdir", self._name(path), None))
+    def mkdir(self, path: Any, *, dir_fd: int | None = None) -> None:
+        os.mkdir(path, dir_fd=dir_fd)
+        self.steps.append(("mkdir", self._name(path, dir_fd), None))
 
-    def unlink(self, path: Any) -> None:
-        os.unlink(path)
-        self.steps.append(("unlink", self._name(path), None))
+    def unlink(self, path: Any, *, dir_fd: int | None = None) -> None:
+        os.unlink(path, dir_fd=dir_fd)
+        self.steps.append(("unlink", self._name(path, dir_fd), None))
 
     def mark(self, promise: int) -> None:
         """From here on so many candidates are promised to be there."""
@@ -86,7 +89,7 @@ def recording(base: Path) -> Iterator[Recorder]:
     """Record what the store's modules do below a folder that exists."""
     recorder = Recorder(base)
     with pytest.MonkeyPatch.context() as patch:
-        for module in (files_module, create_module):
+        for module in (below_module, files_module, create_module):
             patch.setattr(module, "os", recorder)
         yield recorder
 

@@ -89,9 +89,9 @@ def finish(path: Path, blocks: int | None = None) -> None:
             Driver(store, Halting(blocks)).run()
 
 
-def make_campaign(path: Path, *settings: str, run: bool = True) -> str:
+def make_campaign(path: Path, *settings: str, run: bool = True, preset: str = "current") -> str:
     """The path of a campaign that has run to its end, or (run=False) has only been created."""
-    create_store(load_config("current", settings), str(path))
+    create_store(load_config(preset, settings), str(path))
     if run:
         with DriverStore(path) as store:
             Driver(store, SerialExecutor()).run()

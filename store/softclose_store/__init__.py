@@ -3,7 +3,7 @@
 from softclose_store.check.repair import Recompute, RepairReport, remove_orphans, repair
 from softclose_store.check.report import Damage, Report
 from softclose_store.check.verify import verify
-from softclose_store.disk.files import check_writable, path_text, write_file
+from softclose_store.disk.files import check_writable, path_text
 from softclose_store.disk.lock import Holder, lock_holder
 from softclose_store.errors import (
     DamageError,
@@ -26,7 +26,7 @@ from softclose_store.schema.layout import MIN_INNER, Layout, StageLayout, larges
 from softclose_store.write.block import write_block
 from softclose_store.write.create import StoreState, create_campaign, store_state
 from softclose_store.write.driver import DriverStore
-from softclose_store.write.extend import extend_campaign
+from softclose_store.write.extend import extend_campaign, finish_extension
 
 __all__ = [
     "IMPACT_QUANTITIES",
@@ -64,6 +64,7 @@ __all__ = [
     "create_campaign",
     "extend_campaign",
     "fingerprint_of",
+    "finish_extension",
     "group_attributes",
     "largest_inner",
     "list_groups",
@@ -78,6 +79,5 @@ __all__ = [
     "store_state",
     "verify",
     "write_block",
-    "write_file",
     "write_group",
 ]

@@ -43,5 +43,9 @@ class DamageError(StoreError):
     """Stored bytes are not what was written."""
 
 
+class NotPlainError(DamageError):
+    """Something else than a plain file of bounded size lies where a file of a store should be."""
+
+
 class ServiceError(OSError):
     """An object store that does not answer: nothing committed is lost, and it may answer later."""

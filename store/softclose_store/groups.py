@@ -18,14 +18,15 @@ import zarr
 from numpy.typing import ArrayLike, NDArray
 from zarr.abc.buffer import Buffer
 from zarr.abc.store import Store
+from zarr.buffer import cpu
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
 
 from softclose_store.disk.files import (
     StorePath,
-    check_inside,
     delete_key,
     list_keys,
+    look_at,
     normalised,
     open_files,
     read_key,
@@ -33,10 +34,13 @@ from softclose_store.disk.files import (
 )
 from softclose_store.disk.names import checked_member, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreExistsError, StoreMissingError
-from softclose_store.read.arrays import read_array
+from softclose_store.read.arrays import UNREADABLE, read_whole
+from softclose_store.read.described import DescribedFiles
 from softclose_store.schema import digests
+from softclose_store.schema.documents import GroupArrayDocument, checked
 from softclose_store.schema.group_metadata import COPY_NAME, FILES, NAME, GroupMetadata, decode, decode_copy
-from softclose_store.schema.root import read_root
+from softclose_store.schema.opening import read_root
+from softclose_store.schema.texts import read_json
 
 _NAME = re.compile(r"[a-z][a-z0-9_-]*(/[a-z0-9][a-z0-9_.-]*)*")
 
@@ -114,15 +118,17 @@ def write_group(
     contents = _build(name, arrays, attributes)
     contents.pop("zarr.json")
     parents = set(parents_of(name))
-    known = metadata_of(files, name, list_keys(files))
-    old = [last] if known is None else known.keys  # its own metadata first: without it there is no group to read half
-    for key in (*old, *contents):
-        check_inside(files, key)
-    for key in old:
-        delete_key(files, key)  # what the old group had and the new one has not would be read as the new one's
-    for key in sorted(contents, key=lambda key: (key == last, key not in parents, key)):
+    known = metadata_of(files, name, list_keys(files)) if replace else None
+    old = [] if known is None else known.keys
+    copies = {key for key in contents if key.endswith(f"/{COPY_NAME}")}
+    # The metadata last, the copy before them: at every instant one of the two says what the group is, the old one or
+    # the new, and from that a repair makes it whole. Nothing goes before its replacement is there.
+    for key in sorted(contents, key=lambda key: (key == last, key in copies, key not in parents, key)):
         if key not in parents or read_key(files, key) is None:
             write_key(files, key, contents[key])
+    for key in old:
+        if key not in contents:
+            delete_key(files, key)
 
 
 def check_name(name: str) -> None:
@@ -205,17 +211,53 @@ def read_group(path: StorePath, name: str) -> ResultGroup:
     check_name(name)
     where = normalised(path)
     files = open_files(path, read_only=True)
-    content = read_key(files, f"{name}/zarr.json")
-    if content is None:
+    metadata = decode(look_at(files, f"{name}/zarr.json"), name)
+    if metadata is None and not _is_there(files, name):
         raise StoreMissingError(f"{where} has no group {name}")
-    metadata = decode(content, name)
-    problems = group_problems(files, name, metadata)
+    contents: dict[str, bytes] = {}
+    problems = group_problems(files, name, metadata, contents)
     if problems or metadata is None:
-        raise DamageError(f"group {name} of {where} is damaged: {'; '.join(problems)}: run `softclose verify --repair`")
-    names = [key.partition("/")[0] for key in metadata.files if key.count("/") == 1 and key.endswith("/zarr.json")]
-    return ResultGroup(
-        arrays={key: read_array(files, f"{name}/{key}") for key in names}, attributes=metadata.attributes
-    )
+        raise _damage(name, where, "; ".join(problems))
+    try:
+        arrays = _decoded(name, where, contents)
+    except UNREADABLE as e:
+        raise _damage(name, where, str(e)) from e
+    return ResultGroup(arrays=arrays, attributes=metadata.attributes)
+
+
+def _damage(name: str, where: str, what: str) -> DamageError:
+    return DamageError(f"group {name} of {where} is damaged: {what}: run `softclose verify {where} --repair`")
+
+
+def _is_there(files: Store, name: str) -> bool:
+    """Whether anything is left of a group."""
+    return any(key.startswith(f"{name}/") for key in list_keys(files))
+
+
+MOST_RATIO, SLACK_BYTES = 1_000, 64_000_000
+"""A group decodes to at most so many times its bytes, and some more: zeros compress a thousandfold, bombs better."""
+
+
+def _decoded(name: str, where: str, contents: dict[str, bytes]) -> dict[str, NDArray[Any]]:
+    """The arrays of a group from its files, whose digests are right; raises ValueError for what is no array of one."""
+    documents = {key: content for key, content in contents.items() if key.endswith("/zarr.json")}
+    chunks = {key: content for key, content in contents.items() if key not in documents}
+    models = {}
+    for key, content in documents.items():
+        array = key.removesuffix("/zarr.json")
+        try:
+            models[array] = model = checked(GroupArrayDocument, read_json(content))
+        except ValueError as e:
+            raise ValueError(f"{key}: {e}") from e
+        n = sum(1 for chunk in chunks if chunk == f"{array}/c" or chunk.startswith(f"{array}/c/"))
+        if n != model.n_chunks:
+            raise ValueError(f"{key} says {model.n_chunks} files of values, and there are {n}")
+    decoded = sum(model.n_chunks * model.chunk_bytes for model in models.values())
+    if decoded > SLACK_BYTES + MOST_RATIO * sum(map(len, contents.values())):
+        raise ValueError(f"its files say that they hold {decoded:,} bytes, which cannot be")
+    buffers: dict[str, Buffer] = {key: cpu.Buffer.from_bytes(content) for key, content in chunks.items()}
+    files = DescribedFiles(MemoryStore(buffers), documents, where, lambda array, chunk: True)
+    return {array.rpartition("/")[2]: read_whole(files, array) for array in models}
 
 
 def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
@@ -238,27 +280,34 @@ def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
     StoreMissingError
         Where there is no such group.
     """
-    content = read_key(open_files(path, read_only=True), f"{name}/zarr.json")
-    if content is None:
+    files = open_files(path, read_only=True)
+    metadata = decode(look_at(files, f"{name}/zarr.json"), name)
+    if metadata is None and not _is_there(files, name):
         raise StoreMissingError(f"{normalised(path)} has no group {name}")
-    metadata = decode(content, name)
     return None if metadata is None else metadata.attributes
 
 
-def group_problems(files: Store, name: str, metadata: GroupMetadata | None) -> list[str]:
-    """What is wrong with a result group: one sentence per file that is not what was written."""
+def group_problems(
+    files: Store, name: str, metadata: GroupMetadata | None, contents: dict[str, bytes] | None = None
+) -> list[str]:
+    """What is wrong with a result group: one sentence per file that is not what was written.
+
+    contents: is filled with its files, key -> bytes, those that are right.
+    """
     problems = []
-    if decode(read_key(files, f"{name}/zarr.json"), name) is None:
+    if decode(look_at(files, f"{name}/zarr.json"), name) is None:
         problems.append(f"{name}/zarr.json is lost or not what was written")
     for member, expected in ({} if metadata is None else metadata.files).items():
         try:
             key = checked_member(name, member)
-            check_inside(files, key)
         except StoreError as e:
             problems.append(str(e))
             continue
-        if digests.sha256(read_key(files, key) or b"") != expected:
-            problems.append(f"{key} is not what was written")
+        content = look_at(files, key)
+        if content is None or digests.sha256(content) != expected:
+            problems.append(f"{key} is {'missing, or no file' if content is None else 'not what was written'}")
+        elif contents is not None and not member.endswith(f"/{COPY_NAME}"):
+            contents[key] = content
     return problems
 
 
@@ -267,13 +316,13 @@ def metadata_of(files: Store, name: str, keys: Sequence[str]) -> GroupMetadata |
 
     keys: every key of the store.
     """
-    own = decode(read_key(files, f"{name}/zarr.json"), name)
+    own = decode(look_at(files, f"{name}/zarr.json"), name)
     if own is not None:
         return own
     for key in keys:
         member = key.removeprefix(f"{name}/")
         if key != member and member.count("/") == 1 and member.endswith(f"/{COPY_NAME}"):
-            copy = decode_copy(read_key(files, key), name, member)
+            copy = decode_copy(look_at(files, key), name, member)
             if copy is not None and copy.copy_member == member:
                 return copy
     return None
@@ -305,7 +354,7 @@ def result_groups(files: Store, keys: Sequence[str]) -> dict[str, GroupMetadata 
         name = folder if last == "zarr.json" else folder.rpartition("/")[0] if last == COPY_NAME else ""
         if not name or not is_safe(name) or name in found:
             continue
-        content = read_key(files, key) or b""
+        content = look_at(files, key) or b""
         if last == "zarr.json" and FILES.encode() not in content:
             continue
         metadata = metadata_of(files, name, keys)

@@ -393,7 +393,8 @@ def test_a_root_of_an_earlier_time_is_brought_forward(finished, original):
 
 
 def test_the_roots_copy_is_written_again_as_it_was_and_a_kill_as_a_run_begins_is_no_damage(finished):
-    from softclose_store.schema.root import decode_root, runtime_text
+    from softclose_store.schema.opening import decode_root
+    from softclose_store.schema.root import runtime_text
 
     copy = (finished / "digests" / "root.json").read_bytes()
     with DriverStore(finished) as store:

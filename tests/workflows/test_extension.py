@@ -17,10 +17,12 @@ from softclose import ALGORITHM
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
 from softclose.settings import ConfigError, load_config
-from softclose_store import OtherConfigurationError, StoreError, open_campaign, repair, verify
+from softclose_store import DamageError, OtherConfigurationError, StoreError, open_campaign, repair, verify
 from softclose_store.write import extend as writing
 from softclose_workflows.analyses.recompute import recompute
 from softclose_workflows.run.creation import layout_of
+from softclose_workflows.run.driving import drive
+from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.extension import extend
 from softclose_workflows.run.warm_start import warm_started
 from stores import differences, files_of
@@ -94,7 +96,7 @@ def test_extensions_resume_replay_and_follow_each_other(store: Path, tmp_path: P
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_an_extension_that_is_cut_off_is_made_again_or_taken_back(
+def test_an_extension_that_is_cut_off_is_completed_by_whoever_next_writes(
     store: Path, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = Path(shutil.copytree(store, tmp_path / "whole.zarr"))
@@ -105,6 +107,7 @@ def test_an_extension_that_is_cut_off_is_made_again_or_taken_back(
     keys = []
     monkeypatch.setattr(writing, "write_key", lambda *a: (keys.append(a[1]), write(*a)))
     extend(str(shutil.copytree(finished, tmp_path / "counted.zarr")), n + 5)
+    assert keys[0] == "digests/extension.json"
     for k in range(0, len(keys) + 1, 5):
         left = [k]
 
@@ -120,14 +123,43 @@ def test_an_extension_that_is_cut_off_is_made_again_or_taken_back(
             with pytest.raises(OSError, match="the power went"):
                 extend(str(cut), n + 5)
             assert open_campaign(cut).finished
+            assert verify(cut).ok
+            assert verify(cut).extension == (n + 5 if k else 0)
         monkeypatch.setattr(writing, "write_key", write)
         mended = Path(shutil.copytree(cut, tmp_path / f"mended{k}.zarr"))
         assert repair(mended, recompute()).ok
-        assert differences(mended, finished) == []
+        resumed = Path(shutil.copytree(cut, tmp_path / f"resumed{k}.zarr"))
+        for path in (mended, resumed):
+            drive(str(path), Placement(serial=True), quiet=True)  # resume, without --budget
         extend(str(cut), n + 5)
         finish(cut)
-        assert differences(cut, whole) == []
-        assert verify(cut).ok
+        for path in (mended, resumed, cut):
+            if k or path == cut:
+                assert differences(path, whole) == []
+            else:
+                assert differences(path, finished) == []
+            assert verify(path).ok
+            assert verify(path).extension == 0
+
+
+@pytest.mark.parametrize(
+    "key", ["K/c.0", "E/c.0", "records/c.0.0", "records/zarr.json", "search/zarr.json", "field/c.0"]
+)
+def test_an_extension_does_not_swear_to_what_it_cannot_know(key: str, store: Path) -> None:
+    (store / key).unlink()
+    before = contents(store)
+    with pytest.raises(DamageError, match=rf"{key} of .* is missing.*: run `softclose verify .* --repair`"):
+        extend(str(store), open_campaign(store).budget + 5)
+    assert contents(store) == before
+
+
+def test_a_file_that_describes_no_extension_of_this_campaign_belongs_to_nothing(store: Path, tmp_path: Path) -> None:
+    other = make_campaign(tmp_path / "other.zarr", *COARSE, run=False)
+    (store / "digests" / "extension.json").write_bytes((Path(other) / "zarr.json").read_bytes())
+    before = open_campaign(store).fingerprint
+    assert [p.key for p in verify(store).problems] == ["digests/extension.json"]
+    assert repair(store, recompute()).ok
+    assert open_campaign(store).fingerprint == before
 
 
 def test_what_cannot_be_extended_is_refused(tmp_path: Path, store: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from small_campaigns import COARSE, make_campaign
 from softclose.settings import load_config
 from softclose_store import StoreError, open_campaign, remove_orphans, store_state, verify
-from softclose_store.disk import files
+from softclose_store.disk import below, files
 from softclose_store.write import create
 from softclose_store.write.block import forget_writer
 from softclose_workflows.commands.driving import drive
@@ -25,7 +25,7 @@ from stores import differences
 EVERY = 13
 """Operations between two that fail."""
 FAILURES = {"disk": lambda: OSError(errno.EIO, os.strerror(errno.EIO)), "memory": MemoryError}
-OPERATIONS = ("open", "write", "replace", "rename", "mkdir")
+OPERATIONS = ("open", "pread", "write", "replace", "rename", "mkdir")
 
 
 class Faulty:
@@ -47,9 +47,9 @@ class Faulty:
         if name not in OPERATIONS:
             return real
 
-        def operation(*arguments: Any) -> Any:
+        def operation(*arguments: Any, **named: Any) -> Any:
             self.step()
-            return real(*arguments)
+            return real(*arguments, **named)
 
         return operation
 
@@ -57,16 +57,9 @@ class Faulty:
 @contextmanager
 def faulty(fail_at: int, failure: str = "disk") -> Iterator[Faulty]:
     faults = Faulty(fail_at, failure)
-    get = files.LocalFiles.get
-
-    async def reading(self: Any, *arguments: Any, **named: Any) -> Any:
-        faults.step()
-        return await get(self, *arguments, **named)
-
     with pytest.MonkeyPatch.context() as patch:
-        for module in (files, create):
+        for module in (below, files, create):
             patch.setattr(module, "os", faults)
-        patch.setattr(files.LocalFiles, "get", reading)
         yield faults
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from campaigns import SMALL
 from softclose.settings import load_config
 from softclose_store import verify
-from softclose_store.disk.files import LocalFiles
+from softclose_store.disk.below import Below
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.driving import drive
 from softclose_workflows.run.executors import Placement
@@ -24,23 +25,28 @@ REMEMBERED_S = 60.0
 def late(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """This process sees a name that another made only a minute after it has once looked for it in vain."""
     missing: dict[str, float] = {}
-    get, put = LocalFiles.get, LocalFiles.set
+    look = {name: getattr(Below, name) for name in ("read", "size", "identity")}
+    put = Below.write
 
-    async def late_get(self: LocalFiles, key: str, *a: Any, **k: Any) -> Any:
-        place = f"{self.root}/{key}"
-        if time.monotonic() - missing.get(place, -REMEMBERED_S) < REMEMBERED_S:
-            return None
-        found = await get(self, key, *a, **k)
-        if found is None and not self.blind:  # a blind writer does not look
-            missing[place] = time.monotonic()
-        return found
+    def late(name: str) -> Callable[..., Any]:
+        def looking(self: Below, key: str, *a: Any, **k: Any) -> Any:
+            place = f"{self.root}/{key}"
+            if time.monotonic() - missing.get(place, -REMEMBERED_S) < REMEMBERED_S:
+                return None
+            found = look[name](self, key, *a, **k)
+            if found is None:
+                missing[place] = time.monotonic()
+            return found
 
-    async def seen_set(self: LocalFiles, key: str, value: Any) -> None:
-        await put(self, key, value)
+        return looking
+
+    def seen_write(self: Below, key: str, *a: Any, **k: Any) -> None:
+        put(self, key, *a, **k)
         missing.pop(f"{self.root}/{key}", None)  # what a host writes itself it sees
 
-    monkeypatch.setattr(LocalFiles, "get", late_get)
-    monkeypatch.setattr(LocalFiles, "set", seen_set)
+    for name in look:
+        monkeypatch.setattr(Below, name, late(name))
+    monkeypatch.setattr(Below, "write", seen_write)
     return missing
 
 

@@ -9,7 +9,14 @@ from typing import Any
 import click
 
 from softclose import __version__
-from softclose_workflows.errors import EXIT_BAD_INPUT, EXIT_STOPPED, Stopped, StoreGoneError, machine_faults
+from softclose_workflows.errors import (
+    EXIT_BAD_INPUT,
+    EXIT_DAMAGED,
+    EXIT_STOPPED,
+    Stopped,
+    StoreGoneError,
+    machine_faults,
+)
 
 EPILOG = """\b
 Examples:
@@ -19,8 +26,9 @@ Examples:
   softclose resume runs/current.zarr
 
 \b
-Exit codes: 0 done; 2 bad input, nothing was changed; 3 stopped before the end,
-nothing committed is lost and `softclose resume STORE` continues.
+Exit codes: 0 done; 1 the store is damaged, `softclose verify STORE --repair`;
+2 bad input, nothing was changed; 3 stopped before the end, nothing committed
+is lost and `softclose resume STORE` continues.
 """
 
 
@@ -41,9 +49,11 @@ class Group(click.Group):
         except ValueError as e:
             if type(e).__module__.partition(".")[0] not in ("softclose", "softclose_store", "softclose_workflows"):
                 raise
+            from softclose_store import DamageError  # not at the start: `--help` needs no store
+
             _trace(ctx)
             _say(str(e))
-            ctx.exit(EXIT_BAD_INPUT)
+            ctx.exit(EXIT_DAMAGED if isinstance(e, DamageError) else EXIT_BAD_INPUT)
 
 
 def _trace(ctx: click.Context) -> None:

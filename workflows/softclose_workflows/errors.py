@@ -1,6 +1,7 @@
 """Owns the outcomes that end a command early, and their exit codes.
 
-0: done; 2: bad input, nothing was changed; 3: stopped before the end, nothing committed is lost, `resume` continues.
+0: done; 1: a store is damaged; 2: bad input, nothing was changed; 3: stopped before the end, nothing committed is lost,
+`resume` continues.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import contextlib
 import errno
 from collections.abc import Iterator
 
+EXIT_DAMAGED = 1
 EXIT_BAD_INPUT = 2
 EXIT_STOPPED = 3
 

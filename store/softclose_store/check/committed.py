@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from zarr.abc.store import Store
 
 from softclose_store.disk.names import chunk_key
 from softclose_store.read.arrays import UNREADABLE, read_array
+from softclose_store.read.described import DescribedFiles
 from softclose_store.read.table import ORIGIN, RECORD, Table
-from softclose_store.schema.fields import N_SURROGATE
-from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER
+from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
 from softclose_store.schema.layout import Layout
 
 
@@ -32,12 +31,23 @@ class Remains:
     """Names of the surrogate's quantities."""
 
 
-def remains(files: Store, layout: Layout, keys: Collection[str], where: str) -> Remains:
-    """Count the candidates of a store without its root."""
-    table = Table(layout, layout.n_candidates)
-    table.load(files, layout.n_candidates, where, tolerate_damage=True)
+def most_rows(layout: Layout, keys: Collection[str]) -> int:
+    """Candidates that the files of the tables have place for: what a root says beyond that nothing vouches for."""
+    n = 0
+    for key in keys:
+        name, _, chunk = key.partition("/c.")
+        i = chunk.removesuffix(".0")
+        if name in TABLES and i.isdecimal() and len(i) < 10:
+            n = max(n, (int(i) + 1) * layout.table_chunk)
+    return min(n, layout.n_candidates)
+
+
+def remains(files: DescribedFiles, layout: Layout, keys: Collection[str]) -> Remains:
+    """Count the candidates of a store without its root. files: as if none had to be there."""
+    table = Table(layout)
+    table.load(files, most_rows(layout, keys), tolerate_damage=True)
     written = table.digests[:, RECORD] != 0
-    n = int(written.argmin()) if not written.all() else layout.n_candidates
+    n = int(written.argmin()) if not written.all() else len(written)
     names = _hyperparameters(files)
     n_waves = 0
     if n and int(table.digests[n - 1, RECORD]) == table.record_digest(n - 1):
@@ -64,8 +74,8 @@ def _last(rows: NDArray[Any]) -> int:
     return int(np.flatnonzero(rows)[-1]) + 1 if rows.any() else 0
 
 
-def _hyperparameters(files: Store) -> tuple[str, ...]:
+def _hyperparameters(files: DescribedFiles) -> tuple[str, ...]:
     try:
-        return tuple(str(name) for name in read_array(files, HYPERPARAMETER, [N_SURROGATE]) if name)
+        return tuple(str(name) for name in read_array(files, HYPERPARAMETER) if name)
     except UNREADABLE:
         return ()

@@ -20,30 +20,34 @@ from zarr.abc.store import Store
 from softclose_store.check.committed import remains
 from softclose_store.check.report import BlockOf, Report
 from softclose_store.check.restore import RepairStore
-from softclose_store.check.strays import set_aside
+from softclose_store.check.strays import clear_the_way, set_aside
 from softclose_store.check.verify import PLAIN_GROUP, block_keys, read_backup, verify
 from softclose_store.disk.files import (
     StorePath,
-    check_inside,
     delete_key,
     list_keys,
+    look_at,
     normalised,
     open_files,
-    read_key,
     write_key,
 )
-from softclose_store.disk.lock import DriverLock
+from softclose_store.disk.lock import LOCK_KEY, DriverLock
 from softclose_store.disk.names import checked_member, is_partial
 from softclose_store.errors import DamageError, StoreError
 from softclose_store.groups import group_problems, metadata_of
-from softclose_store.read.arrays import UNREADABLE, read_array
+from softclose_store.read.arrays import UNREADABLE, described, read_array
+from softclose_store.read.described import DescribedFiles, never
 from softclose_store.schema import digests
+from softclose_store.schema.documents import RuntimeDocument, checked
 from softclose_store.schema.group_metadata import GroupMetadata
 from softclose_store.schema.hierarchy import HYPERPARAMETER, build_hierarchy, metadata_digest, population_columns
 from softclose_store.schema.layout import Layout
-from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, decode_root, runtime_text, write_root
+from softclose_store.schema.opening import decode_root, write_root
+from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, runtime_text
+from softclose_store.schema.texts import read_json
 from softclose_store.write.block import check_block, forget_writer, marker_of, write_block
 from softclose_store.write.driver import DriverStore
+from softclose_store.write.extend import complete_extension
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +129,7 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
     """
     report = verify(path)
     log = _Log()
+    _clear(path, [LOCK_KEY], log)  # what lies there is no lock, and where it leads nothing may be written
     lock = DriverLock(path)
     lock.acquire(break_lock=break_lock)
     try:
@@ -132,10 +137,13 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
         frame = bool({p.kind for p in report.problems} & {"root", "schema", "static"})
         if frame:
             _repair_frame(path, recompute, report, log)
+        if report.extension:
+            complete_extension(open_files(path, read_only=False), normalised(path))
+            log.add(f"an extension to {report.extension} candidates, which was cut off, is complete", proved=True)
     finally:
         lock.release()
     forget_writer(path)
-    if frame:
+    if frame or report.extension:
         report = verify(path)  # again: what a damaged frame hid shows now
         _set_strays_aside(path, report, log)
     if not report.ok:
@@ -150,9 +158,15 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
 
 
 def _set_strays_aside(path: StorePath, report: Report, log: _Log) -> None:
-    strays = [p.key for p in report.problems if p.kind == "unknown"]
+    files = open_files(path, read_only=False)
+    strays = [p.key for p in report.problems if p.kind == "unknown" and p.key in set(list_keys(files))]
     for key, place in zip(strays, set_aside(path, strays), strict=True):
         log.add(f"{key} does not belong to the store; it is now {place}", proved=True)
+
+
+def _clear(path: StorePath, keys: Sequence[str], log: _Log) -> None:
+    for place in clear_the_way(path, keys):
+        log.add(f"what was no file is now {place}", proved=True)
 
 
 def remove_orphans(path: StorePath) -> list[str]:
@@ -169,7 +183,7 @@ def _repair_frame(path: StorePath, recompute: Recompute, report: Report, log: _L
     where = normalised(path)
     files = open_files(path, read_only=False)
     try:
-        root: Root | None = decode_root(read_key(files, ROOT_KEY) or b"", where)
+        root: Root | None = decode_root(look_at(files, ROOT_KEY) or b"", where)
     except StoreError:
         root = None
     source = root or read_backup(files, where)
@@ -193,29 +207,32 @@ def _repair_frame(path: StorePath, recompute: Recompute, report: Report, log: _L
     for name, expected in attributes["static_digests"].items():
         if fresh.attributes["static_digests"].get(name) != expected:
             raise DamageError(f"{where}: {name} computed again from the configuration is not what was stored")
+    read = described(files, source, where, never)
     same_metadata = metadata_digest(built) == attributes["metadata_digest"]
     for key, content in built.items():
-        if key in (ROOT_KEY, BACKUP_KEY, RUNTIME_KEY) or read_key(files, key) == content:
+        if key in (ROOT_KEY, BACKUP_KEY, RUNTIME_KEY) or look_at(files, key) == content:
             continue
         is_metadata = key.endswith("/zarr.json")
         if is_metadata and not same_metadata:
             raise DamageError(f"{where}: this version of zarr writes other metadata than the store's; use the same one")
-        if is_metadata or not _static_is_intact(files, key, attributes["static_digests"]):
+        if is_metadata or not _static_is_intact(read, key, attributes["static_digests"]):
+            _clear(path, [key], log)
             write_key(files, key, content)
             log.add(f"{key} written again", proved=True)
+    _clear(path, [ROOT_KEY, RUNTIME_KEY, BACKUP_KEY], log)
     if root is None:
         root = _rebuild_root(files, source, layout, recompute, where, log)
-    if read_key(files, RUNTIME_KEY) != runtime_text(root):
+    if look_at(files, RUNTIME_KEY) != runtime_text(root):
         write_key(files, RUNTIME_KEY, runtime_text(root))
         log.add(f"{RUNTIME_KEY} written again", proved=True)
-    if read_key(files, BACKUP_KEY) != root.created().encode():
+    if look_at(files, BACKUP_KEY) != root.created().encode():
         write_key(files, BACKUP_KEY, root.created().encode())
         log.add(f"{BACKUP_KEY} written again", proved=True)
 
 
 def _rebuild_root(files: Store, source: Root, layout: Layout, recompute: Recompute, where: str, log: _Log) -> Root:
     """The root with as many waves committed as everything that remains says: whole waves only."""
-    found = remains(files, layout, frozenset(list_keys(files)), where)
+    found = remains(described(files, source, where, never), layout, frozenset(list_keys(files)))
     ends = list(accumulate(recompute.waves(source.attributes["config"])))
     n_waves = sum(1 for end in ends if end <= found.n)
     if n_waves < len(ends) and found.n > (ends[n_waves - 1] if n_waves else 0):
@@ -244,19 +261,20 @@ def _runtime(root: Root) -> dict[str, Any]:
 def _runtime_on_disk(files: Store, source: Root) -> dict[str, Any] | None:
     """What the group `runtime` says, where it is that of this campaign: it says of the creation what the copy says."""
     try:
-        attributes = json.loads(read_key(files, RUNTIME_KEY) or b"")["attributes"]
+        attributes = read_json(look_at(files, RUNTIME_KEY) or b"")["attributes"]
+        checked(RuntimeDocument, attributes)
         created = {name: value for name, value in attributes.items() if name != "runs"}
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
     return attributes if created == _runtime(source.created()) else None
 
 
-def _static_is_intact(files: Store, key: str, expected: Mapping[str, str]) -> bool:
+def _static_is_intact(files: DescribedFiles, key: str, expected: Mapping[str, str]) -> bool:
     name = key.rpartition("/")[0]
     if name == HYPERPARAMETER:
         return True  # it grows: the driver writes it again from the root
     try:
-        return read_key(files, key) is not None and digests.array_sha256(read_array(files, name)) == expected[name]
+        return look_at(files.inner, key) is not None and digests.array_sha256(read_array(files, name)) == expected[name]
     except UNREADABLE:
         return False
 
@@ -318,7 +336,6 @@ def _not_stored(store: RepairStore, stage: str, start: int, size: int) -> set[Bl
 
 def _repair_blocks(store: RepairStore, recompute: Recompute, blocks: Sequence[BlockOf], log: _Log) -> None:
     """Nothing on the disk changes until what was computed is known to be what was stored, where anything tells."""
-    files = open_files(store.path, read_only=False)
     for (stage, i), row in groupby(blocks, key=lambda block: block[:2]):
         columns = [j for _, _, j in row]
         markers: dict[int, NDArray[np.uint64]] = {}
@@ -337,8 +354,7 @@ def _repair_blocks(store: RepairStore, recompute: Recompute, blocks: Sequence[Bl
             log.add(f"stage {stage}, block ({i}, {j}) computed again", proved=bool(told) or same)
         for j in columns:  # all again but the last: a row of blocks may be larger than the memory
             again = arrays if j == columns[-1] else recompute.block(store, stage, i, j)
-            for key in block_keys(store.layout, stage, i, j):
-                delete_key(files, key)
+            _clear(store.path, list(block_keys(store.layout, stage, i, j)), log)
             write_block(store.path, stage, i, j, again, int(markers[j][0]))
 
 
@@ -370,17 +386,22 @@ def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _
     files = open_files(path, read_only=False)
     for problem in report.problems:
         if problem.kind == "group" and problem.key:
+            _clear(path, [problem.key], log)
             write_key(files, problem.key, json.dumps(PLAIN_GROUP, indent=2).encode())
             log.add(f"{problem.key} written again", proved=True)
     for name in report.damaged_groups:
         keys = list_keys(files)
         metadata = metadata_of(files, name, keys)
         if metadata is None:
+            if recompute.group is not None and not recompute.group(normalised(path), name):
+                log.add(f"group {name}, of whose metadata nothing was left, computed again", proved=False)
+                continue
             log.failed.append(
                 f"group {name}: its own metadata and their copy are lost, so nothing says what it holds: delete "
                 f"{normalised(path)}/{name} and make it again"
             )
             continue
+        _clear(path, metadata.keys, log)
         _restore_group_metadata(files, metadata, log)
         if not group_problems(files, name, metadata):
             continue
@@ -400,8 +421,7 @@ def _restore_group_metadata(files: Store, metadata: GroupMetadata, log: _Log) ->
     if metadata.copy_member is not None:
         written[checked_member(metadata.name, metadata.copy_member)] = metadata.copy()
     for key, content in written.items():
-        check_inside(files, key)
-        if read_key(files, key) != content:
+        if look_at(files, key) != content:
             write_key(files, key, content)
             log.add(f"{key} written again", proved=True)
 

@@ -47,6 +47,8 @@ class Report:
     """All damage."""
     orphans: tuple[str, ...]
     """Temporary files that a kill left behind: harmless, `remove_orphans` deletes them."""
+    extension: int = 0
+    """Candidates that the campaign will have once an extension is complete that was cut off; 0 where none was."""
 
     @property
     def ok(self) -> bool:

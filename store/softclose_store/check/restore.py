@@ -12,7 +12,7 @@ from softclose_store.disk.files import StorePath
 from softclose_store.read.blocks import markers_digest
 from softclose_store.read.table import MARKERS, RECORD
 from softclose_store.schema.fields import DIGESTS
-from softclose_store.schema.root import write_root
+from softclose_store.schema.opening import write_root
 from softclose_store.write.driver import Block, DriverStore
 from softclose_store.write.rows import (
     ASSESSED,
@@ -103,5 +103,5 @@ class RepairStore(DriverStore):
             write_rows(self._table, self._files, self._arrays, 0, self.n_committed)
         if self._hyperparameters != self._root.attributes["hyperparameters"]:
             root = self._root.committed(self.n_committed, self.n_waves, self._hyperparameters)
-            write_root(self._files, root)
+            write_root(self._files.inner, root)
             self._root = root

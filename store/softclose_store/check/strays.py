@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Sequence
 
+from softclose_store.disk.below import Below
 from softclose_store.disk.files import (
+    LocalFiles,
     StorePath,
-    check_inside,
     delete_key,
-    local_path,
     normalised,
     open_files,
     read_key,
     write_key,
 )
+from softclose_store.errors import StoreError
 
 
 def strays_of(path: StorePath) -> str:
@@ -25,26 +25,59 @@ def strays_of(path: StorePath) -> str:
 
 def set_aside(path: StorePath, keys: Sequence[str]) -> list[str]:
     """Move files that do not belong to a store out of it, links as links; returns where they are now."""
-    local = local_path(path)
     files = open_files(path, read_only=False)
+    if isinstance(files, LocalFiles):
+        return [_move(files.below, strays_of(path), key) for key in keys]
     moved = []
     for key in keys:
-        check_inside(files, key)
-        if local is None:
-            target = open_files(strays_of(path), read_only=False)
-            write_key(target, key, read_key(files, key) or b"")
-            delete_key(files, key)
-            moved.append(f"{strays_of(path)}/{key}")
-            continue
-        source = os.path.join(normalised(path), key)
-        wanted = place = os.path.join(strays_of(path), key)
-        n = 0
-        while os.path.lexists(place):  # a stray of the same name was moved before
-            n += 1
-            place = f"{wanted}.{n}"
-        os.makedirs(os.path.dirname(place), exist_ok=True)
-        os.rename(source, place)
-        moved.append(place)
-        with contextlib.suppress(OSError):  # not empty: it is somebody's
-            os.removedirs(os.path.dirname(source))
+        target = open_files(strays_of(path), read_only=False)
+        write_key(target, key, read_key(files, key) or b"")
+        delete_key(files, key)
+        moved.append(f"{strays_of(path)}/{key}")
     return moved
+
+
+def _move(below: Below, strays: str, key: str) -> str:
+    if os.path.islink(strays):
+        raise StoreError(f"{strays} is a link, and what does not belong to the store would be moved there; remove it")
+    os.makedirs(strays, exist_ok=True)
+    place, n = key, 0
+    while not below.move(key, Below(strays), place):  # a stray of the same name was moved before
+        n += 1
+        place = f"{key}.{n}"
+    return f"{strays}/{place}"
+
+
+def clear_the_way(path: StorePath, keys: Sequence[str]) -> list[str]:
+    """Move aside whatever lies at keys that files are to be written to and is no file, a folder for instance.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    keys : sequence of str
+        Of files.
+
+    Returns
+    -------
+    list of str
+        Where that is now.
+    """
+    files = open_files(path, read_only=False)
+    if not isinstance(files, LocalFiles):
+        return []
+    found: dict[str, None] = {}
+    for key in keys:
+        for at in _ways(key):
+            kind = files.below.kind(at)
+            if kind not in ("", "a file" if at == key else "a folder"):
+                found[at] = None
+            if kind != "a folder":
+                break
+    return set_aside(path, list(found))
+
+
+def _ways(key: str) -> list[str]:
+    """The folders on the way to a key, then the key."""
+    parts = key.split("/")
+    return ["/".join(parts[:n]) for n in range(1, len(parts) + 1)]

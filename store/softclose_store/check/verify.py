@@ -3,45 +3,39 @@
 from __future__ import annotations
 
 import contextlib
-import json
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from zarr.abc.store import Store
 
-from softclose_store.check.committed import remains
+from softclose_store.check.committed import most_rows, remains
 from softclose_store.check.report import BlockOf, Damage, Kind, Report
-from softclose_store.disk.files import StorePath, list_keys, normalised, open_files, read_key
+from softclose_store.disk.files import LocalFiles, StorePath, list_keys, look_at, normalised, open_files
 from softclose_store.disk.lock import LOCK_KEY
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreMissingError
 from softclose_store.groups import group_problems, parents_of, result_groups
-from softclose_store.read.arrays import UNREADABLE, read_array
+from softclose_store.read.arrays import UNREADABLE, described, read_array, read_shape
 from softclose_store.read.blocks import BlockReader, markers_digest
+from softclose_store.read.described import DescribedFiles, never
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
 from softclose_store.schema import digests
-from softclose_store.schema.fields import N_SURROGATE, POPULATION
+from softclose_store.schema.fields import N_SURROGATE
 from softclose_store.schema.hierarchy import (
     HYPERPARAMETER,
     MARKER,
     STATIC_CHUNK,
     TABLES,
     metadata_digest,
+    schema_of,
     stage_specs,
-    static_arrays,
 )
 from softclose_store.schema.layout import Layout, StageLayout
-from softclose_store.schema.root import (
-    BACKUP_KEY,
-    COMMITTED,
-    ROOT_KEY,
-    RUNTIME_KEY,
-    Root,
-    decode_root,
-    read_root,
-    runtime_text,
-)
+from softclose_store.schema.opening import decode_root, layout_without_times, read_root
+from softclose_store.schema.root import BACKUP_KEY, EXTENSION_KEY, ROOT_KEY, RUNTIME_KEY, Root, runtime_text
+from softclose_store.schema.texts import read_json
+from softclose_store.write.extend import pending_extension
 
 PLAIN_GROUP = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
 """Metadata of a group that only holds result groups, such as `certification`."""
@@ -58,6 +52,9 @@ class _Check:
     problems: list[Damage] = field(default_factory=list)
     expected: set[str] = field(default_factory=set)
     n_blocks: int = 0
+    extension: Root | None = None
+    extended: Mapping[str, bytes] = field(default_factory=dict)
+    """Metadata of an extension that was cut off."""
 
     def add(
         self,
@@ -100,27 +97,65 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
     root = _check_root(check)
     n_committed = 0
     if root is not None:
-        layout, usable = _check_schema(check, root)
-        n_committed = root.n_committed
-        if usable:
-            found = remains(files, layout, check.keys, where)
-            if "root" in {p.kind for p in check.problems} and not _reads(files, where):
-                n_committed = found.n
-            elif found.n_waves > root.n_waves + 1:  # one more is what a run leaves that was killed before its commit
-                what = f"it says {root.n_waves} waves, the records say {found.n_waves}: it is of an earlier time"
-                check.add("root", what, key=ROOT_KEY)
-            _check_hyperparameters(check, root)
-            _check_candidates(check, n_committed, layout, len(root.attributes["hyperparameters"]))
+        _expect_extension(check, root)
+        read = described(files, root, where, never)
+        layout = _check_schema(check, read, root)
+        n_committed = _check_number(check, read, layout, root)
+        _check_hyperparameters(check, read, root)
+        _check_candidates(check, read, n_committed, layout, len(root.attributes["hyperparameters"]))
         _check_groups(check, root.metadata)
-        if usable:  # without a schema nothing says what belongs here
-            _check_files(check, keys, layout, n_committed)
+        _check_files(check, keys, layout, n_committed)
     return Report(
         path=where,
         n_committed=n_committed,
         n_blocks=check.n_blocks,
         problems=tuple(check.problems),
         orphans=tuple(key for key in keys if is_partial(key)),
+        extension=0
+        if check.extension is None
+        else layout_without_times(check.extension.attributes["layout"]).n_candidates,
     )
+
+
+def _budget(root: Root) -> int:
+    return layout_without_times(root.attributes["layout"]).n_candidates
+
+
+MOST_LOST = 100_000
+"""Committed candidates of which no table has a file. Of more, a root says what nothing vouches for."""
+
+
+def _check_number(check: _Check, read: DescribedFiles, layout: Layout, root: Root) -> int:
+    """How many candidates are committed: what the root says, where that can be."""
+    found = remains(read, layout, check.keys)
+    if "root" in {p.kind for p in check.problems} and not _reads(check.files, check.where):
+        return found.n
+    if found.n_waves > root.n_waves + 1:  # one more is what a run leaves that was killed before its commit
+        what = f"it says {root.n_waves} waves, the records say {found.n_waves}: it is of an earlier time"
+        check.add("root", what, key=ROOT_KEY)
+    most = most_rows(layout, check.keys)
+    if root.n_committed > most + MOST_LOST:
+        what = f"it says {root.n_committed} candidates, and the tables have files for {most}"
+        check.add("root", what, key=ROOT_KEY)
+        return found.n
+    return root.n_committed
+
+
+def _expect_extension(check: _Check, root: Root) -> None:
+    """An extension that was cut off is no damage: whoever opens the store for writing completes it."""
+    extension = pending_extension(check.files, root, check.where)
+    if extension is None:
+        return
+    check.expected.add(EXTENSION_KEY)
+    if extension.fingerprint == root.fingerprint:
+        return
+    check.extension = extension
+    check.extended = schema_of(layout_without_times(extension.attributes["layout"]))
+    check.expected |= {key for key in check.extended if key.endswith("/zarr.json")}
+    for key in sorted(check.keys):
+        name = key.rpartition("/")[0]
+        if name not in root.metadata and f"{name}/zarr.json" in check.extended:
+            check.expected.add(key)
 
 
 def _reads(files: Store, where: str) -> bool:
@@ -134,6 +169,8 @@ def _reads(files: Store, where: str) -> bool:
 def _check_root(check: _Check) -> Root | None:
     """The root, or what is left of it; None where nothing is."""
     check.expected |= {ROOT_KEY, BACKUP_KEY, RUNTIME_KEY, LOCK_KEY}
+    if isinstance(check.files, LocalFiles) and check.files.below.kind(LOCK_KEY) not in ("", "a file"):
+        check.expected.remove(LOCK_KEY)
     try:
         root = read_root(check.files, check.where)
     except (DamageError, StoreMissingError) as e:
@@ -147,20 +184,21 @@ def _check_root(check: _Check) -> Root | None:
         return backup
     if digests.fingerprint_of(root.attributes["config"]) != root.fingerprint:
         check.add("root", "the fingerprint is not that of the stored configuration", key=ROOT_KEY)
-    if read_key(check.files, BACKUP_KEY) != root.created().encode():
+    extended = pending_extension(check.files, root, check.where)
+    backup_text, runtime = look_at(check.files, BACKUP_KEY), look_at(check.files, RUNTIME_KEY)
+    if backup_text != root.created().encode() and (extended is None or backup_text != extended.created().encode()):
         check.add("root", f"{BACKUP_KEY} is not what was written", key=BACKUP_KEY)
-    if not _tells_the_runs(check, root):
+    if not _tells_the_runs(runtime, root) and (extended is None or runtime != runtime_text(extended)):
         check.add("root", f"{RUNTIME_KEY} is not what was written", key=RUNTIME_KEY)
     return root
 
 
-def _tells_the_runs(check: _Check, root: Root) -> bool:
+def _tells_the_runs(content: bytes | None, root: Root) -> bool:
     """Whether the group `runtime` says what the root says; a run that was killed as it began may be one ahead."""
-    content = read_key(check.files, RUNTIME_KEY)
     if content == runtime_text(root):
         return True
     try:
-        last = json.loads(content or b"")["attributes"]["runs"][-1]
+        last = read_json(content or b"")["attributes"]["runs"][-1]
     except (ValueError, KeyError, TypeError, IndexError):
         return False
     return isinstance(last, dict) and content == runtime_text(root.noted(last))
@@ -169,77 +207,64 @@ def _tells_the_runs(check: _Check, root: Root) -> bool:
 def read_backup(files: Store, where: str) -> Root | None:
     """The root as it was created; None where that copy is damaged too."""
     try:
-        return decode_root(read_key(files, BACKUP_KEY) or b"", where)
+        return decode_root(look_at(files, BACKUP_KEY) or b"", where)
     except (DamageError, StoreMissingError):
         return None
 
 
-def _check_schema(check: _Check, root: Root) -> tuple[Layout, bool]:
-    """Metadata of every array, then the static arrays; the layout, and whether data can be read by it."""
-    data = root.attributes["layout"]
-    layout = Layout.from_dict(data, np.arange(float(data["n_times"])))
-    usable = _check_metadata(check, root, layout)
-    for name in static_arrays(layout, {column: np.zeros(layout.n_switches) for column in POPULATION}):
-        parts = {chunk_key(name, i) for i in range(-(-root.metadata[name]["shape"][0] // STATIC_CHUNK))}
+def _check_schema(check: _Check, read: DescribedFiles, root: Root) -> Layout:
+    """Metadata of every array, then the static arrays; the layout."""
+    layout = layout_without_times(root.attributes["layout"])
+    _check_metadata(check, read, root)
+    for name, expected in root.attributes["static_digests"].items():
+        if f"{name}/zarr.json" not in read.documents:
+            check.add("root", f"it names {name!r}, which is no array of its layout", key=ROOT_KEY)
+            continue
+        parts = {chunk_key(name, i) for i in range(-(-read_shape(read, name)[0] // STATIC_CHUNK))}
         check.expected |= parts
         for key in sorted(parts - check.keys):
             check.add("static", f"{key} is missing", key=key)
         if not parts <= check.keys:
             continue
         try:
-            values = read_array(check.files, name, root.metadata[name]["shape"])
+            values = read_array(read, name)
         except UNREADABLE as e:
             check.add("static", f"{name} cannot be read: {e}", key=chunk_key(name, 0))
             continue
-        if digests.array_sha256(values) != root.attributes["static_digests"].get(name):
+        if digests.array_sha256(values) != expected:
             check.add("static", f"{name} is not what was written", key=chunk_key(name, 0))
-    return layout, usable
+    return layout
 
 
-def _check_metadata(check: _Check, root: Root, layout: Layout) -> bool:
-    names = [name for name in root.metadata if name != "runtime"]
-    for name in names:
-        if not is_safe(name):
-            check.add("root", f"the root names {name!r}, which is no array of a store", key=ROOT_KEY)
-            return False
-    contents = {f"{name}/zarr.json": read_key(check.files, f"{name}/zarr.json") or b"" for name in names}
+def _check_metadata(check: _Check, read: DescribedFiles, root: Root) -> None:
+    keys = sorted(key for key in read.documents if key.endswith("/zarr.json") and key != RUNTIME_KEY)
+    contents = {key: look_at(check.files, key) or b"" for key in keys}
     check.expected |= set(contents)
     if metadata_digest(contents) == root.attributes["metadata_digest"]:
-        return True
-    different = [key for key in contents if not _same_metadata(contents[key], key.rpartition("/")[0], root, layout)]
-    for key in different or contents:
-        check.add("schema", f"{key} is not what was written", key=key)
-    return False
+        return
+    for key in _different(contents, read.documents):
+        if contents[key] != check.extended.get(key, b"-"):
+            check.add("schema", f"{key} is not what was written", key=key)
 
 
-def _same_metadata(content: bytes, name: str, root: Root, layout: Layout) -> bool:
-    """An array's own metadata against the root's copy, whose candidate length is the committed one."""
-    entry = {key: value for key, value in root.metadata[name].items() if key != "consolidated_metadata"}
-    dimension = (entry.get("dimension_names") or [None])[0]
-    if dimension in COMMITTED:
-        stage_name = name.rpartition("/")[0]
-        capacity = {
-            "candidate": lambda: layout.n_candidates,
-            "stage_candidate": lambda: layout.stage(stage_name).n_candidates,
-            "block_candidate": lambda: layout.stage(stage_name).n_block_candidates,
-        }[dimension]()
-        entry["shape"] = [capacity, *entry["shape"][1:]]
+def _different(contents: Mapping[str, bytes], documents: Mapping[str, bytes]) -> list[str]:
+    """Keys of metadata that are not the schema's; all of them where none is told apart."""
+    return [key for key in contents if not _same(contents[key], documents[key])] or list(contents)
+
+
+def _same(content: bytes, expected: bytes) -> bool:
     try:
-        own = json.loads(content)
+        return bool(read_json(content) == read_json(expected))
     except ValueError:
         return False
-    own = {key: value for key, value in own.items() if key != "consolidated_metadata"} if isinstance(own, dict) else {}
-    return bool(own == entry)
 
 
-def _check_hyperparameters(check: _Check, root: Root) -> None:
+def _check_hyperparameters(check: _Check, read: DescribedFiles, root: Root) -> None:
     key = chunk_key(HYPERPARAMETER, 0)
     check.expected.add(key)
     names = list(root.attributes["hyperparameters"])
     try:
-        found = (
-            [str(name) for name in read_array(check.files, HYPERPARAMETER, [N_SURROGATE])] if key in check.keys else []
-        )
+        found = [str(name) for name in read_array(read, HYPERPARAMETER)] if key in check.keys else []
     except UNREADABLE:
         found = []
     # A commit that was killed has written the names that it would have added.
@@ -247,9 +272,9 @@ def _check_hyperparameters(check: _Check, root: Root) -> None:
         check.add("static", f"{key} is not what was written", key=key)
 
 
-def _check_candidates(check: _Check, n: int, layout: Layout, n_names: int) -> None:
-    table = Table(layout, layout.n_candidates)
-    table.load(check.files, n, check.where, tolerate_damage=True)
+def _check_candidates(check: _Check, read: DescribedFiles, n: int, layout: Layout, n_names: int) -> None:
+    table = Table(layout)
+    table.load(read, n, tolerate_damage=True)
     if table.n_hyperparameters() > n_names and not any(p.kind == "root" for p in check.problems):
         check.add("static", "the names of the surrogate's quantities are lost", key=chunk_key(HYPERPARAMETER, 0))
     # A missing file reads as fill values, which can equal what was written: it is damage all the same.
@@ -264,7 +289,7 @@ def _check_candidates(check: _Check, n: int, layout: Layout, n_names: int) -> No
                     _add_lost(check, name, f"{key}, with candidate {i}, {fate}", key, i)
     for i in range(n):
         _check_record(check, table, i)
-    reader = BlockReader(check.files, layout)
+    reader = BlockReader(read, layout)
     for stage in layout.stages:
         n_stage = layout.committed_of(stage, n)
         for i in range(-(-n_stage // stage.block_candidates)):
@@ -384,7 +409,7 @@ def _check_groups(check: _Check, own_names: Collection[str]) -> None:
         check.add("group", f"{name}/zarr.json is lost or not what was written, and so is its copy", group=name)
     for key in sorted({key for name in (*found, *lost) for key in parents_of(name)}):
         check.expected.add(key)
-        if not _is_plain_group(read_key(check.files, key)):
+        if not _is_plain_group(look_at(check.files, key)):
             check.add("group", f"{key} is not what was written", key=key)
 
 
@@ -407,7 +432,7 @@ def _lost_groups(check: _Check, own_names: Collection[str]) -> list[str]:
 
 def _node_type(check: _Check, key: str) -> str:
     try:
-        return str(json.loads(read_key(check.files, key) or b"").get("node_type"))
+        return str(read_json(look_at(check.files, key) or b"").get("node_type"))
     except (ValueError, AttributeError):
         return ""
 
@@ -416,9 +441,15 @@ def _check_files(check: _Check, keys: list[str], layout: Layout, n: int) -> None
     """Every file must belong to something."""
     check.expected |= {chunk_key(name, i, 0) for name in TABLES for i in range(layout.n_table_chunks)}
     for key in keys:
-        if key in check.expected or is_partial(key) or _may_be_pending(layout, key, n):
+        if key in check.expected or is_partial(key) or _may_be_pending(layout, key, n) or _holds_nothing(check, key):
             continue
         check.add("unknown", f"{key} does not belong to this store", key=key)
+
+
+def _holds_nothing(check: _Check, key: str) -> bool:
+    """True for the group of groups that were all deleted."""
+    name, _, last = key.partition("/")
+    return last == "zarr.json" and is_safe(name) and _is_plain_group(look_at(check.files, key))
 
 
 def _may_be_pending(layout: Layout, key: str, n: int) -> bool:
@@ -434,7 +465,7 @@ def _may_be_pending(layout: Layout, key: str, n: int) -> bool:
 
 def _is_plain_group(content: bytes | None) -> bool:
     try:
-        document = json.loads(content or b"")
+        document = read_json(content or b"")
     except ValueError:
         return False
     return bool(document == PLAIN_GROUP)

@@ -1,28 +1,28 @@
-"""Owns how bytes reach a store: paths and URLs, whole-file atomic writes, syncing, and keys.
+"""Owns how bytes reach a store: paths and URLs, and the keys behind them.
 
-Local writes go to a temporary file that is synced (if durable) and renamed over the old one; `LocalStore` does the same
-without syncing and through a thread per file, which costs three times as much.
+Local files go through the door of `disk/below.py`; a write is a temporary file that is synced (if durable) and renamed
+over the old one. zarr's `LocalStore` follows links, and does the same without syncing and through a thread per file,
+which costs three times as much.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import uuid
+from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote, urlparse
 
 from zarr.abc.buffer import Buffer, BufferPrototype
-from zarr.abc.store import ByteRequest, Store
+from zarr.abc.store import ByteRequest, OffsetByteRequest, RangeByteRequest, Store, SuffixByteRequest
 from zarr.buffer import cpu, default_buffer_prototype
-from zarr.storage import FsspecStore, LocalStore, ZipStore
+from zarr.storage import FsspecStore, ZipStore
 
-from softclose_store import faults
-from softclose_store.disk.loop import run_here
+from softclose_store.disk.below import MOST_BYTES, Below, parts_of
+from softclose_store.disk.loop import Here, run_here
 from softclose_store.disk.names import PARTIAL, is_chunk_key
 from softclose_store.disk.objects import ServiceFiles, Version, is_object_url, open_objects
-from softclose_store.errors import StoreError
+from softclose_store.errors import NotPlainError, StoreError
 
 StorePath = str | os.PathLike[str]
 
@@ -52,17 +52,23 @@ def normalised(path: StorePath) -> str:
     return os.fspath(path).rstrip("/") if local is None else os.path.abspath(local)
 
 
-class LocalFiles(LocalStore):
-    """A local store whose writes are whole files, renamed into place, and synced where `durable`.
+class LocalFiles(Here, Store):
+    """The files of a local store, through the door of `Below`; writes are whole files, synced where `durable`.
 
     With `blind=True` chunk keys read as absent: a writer replaces whole shards and never merges with what is there, so
     that a damaged or half-written file cannot stand in its way.
     """
 
+    supports_writes = True
+    supports_deletes = True
+    supports_listing = True
+
     def __init__(
         self, root: Path | str, *, read_only: bool = False, durable: bool = False, blind: bool = False
     ) -> None:
-        super().__init__(root, read_only=read_only)
+        super().__init__(read_only=read_only)
+        self.root = Path(root)
+        self.below = Below(os.fspath(root))
         self.durable = durable
         self.blind = blind
 
@@ -70,93 +76,96 @@ class LocalFiles(LocalStore):
         """The same store with another `read_only`."""
         return LocalFiles(self.root, read_only=read_only, durable=self.durable, blind=self.blind)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LocalFiles) and self.root == other.root
+
+    def __repr__(self) -> str:
+        return f"LocalFiles({os.fspath(self.root)!r})"
+
     async def get(
         self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
     ) -> Buffer | None:
         """Read a key; chunks are invisible to a blind writer."""
         if self.blind and is_chunk_key(key):
             return None
-        try:
-            return await super().get(key, prototype, byte_range)
-        except FileNotFoundError:  # the store's folder itself is not there
-            return None
+        start, stop = 0, None
+        if isinstance(byte_range, RangeByteRequest):
+            start, stop = byte_range.start, byte_range.end
+        elif isinstance(byte_range, OffsetByteRequest):
+            start = byte_range.offset
+        elif isinstance(byte_range, SuffixByteRequest):
+            start = -byte_range.suffix
+        content = self.below.read(key, start=start, stop=stop, most=most_bytes(key))
+        return None if content is None else (prototype or default_buffer_prototype()).buffer.from_bytes(content)
+
+    async def get_partial_values(
+        self, prototype: BufferPrototype, key_ranges: Iterable[tuple[str, ByteRequest | None]]
+    ) -> list[Buffer | None]:
+        """Read parts of keys."""
+        return [await self.get(key, prototype, byte_range) for key, byte_range in key_ranges]
+
+    async def exists(self, key: str) -> bool:
+        """Whether there is a key."""
+        return self.below.size(key) is not None
+
+    async def getsize(self, key: str) -> int:
+        """Bytes of a key."""
+        size = self.below.size(key)
+        if size is None:
+            raise FileNotFoundError(key)
+        return size
 
     async def set(self, key: str, value: Buffer) -> None:
         """Replace a key by a whole new file."""
         self._check_writable()
-        write_file(
-            os.path.join(self.root, key),
-            value.as_buffer_like(),
-            durable=self.durable,
-            fault="inside-chunk-write" if self.blind and is_chunk_key(key) else "",
-        )
+        fault = "inside-chunk-write" if self.blind and is_chunk_key(key) else ""
+        self.below.write(key, value.as_buffer_like(), durable=self.durable, fault=fault)
 
     async def delete(self, key: str) -> None:
         """Remove a file, or a link itself; never a folder, nor what is in one."""
         self._check_writable()
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(os.path.join(self.root, key))
+        self.below.delete(key)
+
+    async def list(self) -> AsyncIterator[str]:
+        """Every key; links are keys like files, and not followed."""
+        for key in self.below.every_key():
+            yield key
+
+    async def list_prefix(self, prefix: str) -> AsyncIterator[str]:
+        """Every key that begins so."""
+        for key in self.below.every_key():
+            if key.startswith(prefix):
+                yield key
+
+    async def list_dir(self, prefix: str) -> AsyncIterator[str]:
+        """What lies right below a folder."""
+        for name, _ in self.below.names(prefix):
+            yield name
 
 
-def write_file(path: str, content: Any, *, durable: bool, fault: str = "") -> None:
-    """Write a file atomically: a temporary one beside it, renamed over it.
+MOST_TEXT = 8_000_000
+"""Most bytes of a file of JSON. The root of a campaign of five hundred stages has five million."""
 
-    Parameters
-    ----------
-    path : str
-        Where.
-    content : bytes-like
-        What.
-    durable : bool
-        Sync it, with its folder.
-    fault : str
-        Name of the place, for tests that break it.
-    """
-    temporary = f"{path}.{uuid.uuid4().hex}{PARTIAL}"
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
-    try:
-        file = os.open(temporary, flags, 0o644)
-    except FileNotFoundError:
-        _make_directories(os.path.dirname(path), durable=durable)
-        file = os.open(temporary, flags, 0o644)
-    try:
+
+def most_bytes(key: str) -> int:
+    """Most bytes of what lies at a key."""
+    return MOST_TEXT if key.endswith((".json", ".lock")) else MOST_BYTES
+
+
+class ZippedFiles(ZipStore):
+    """A store that travels as one zip: what an entry says of its size is asked before it is unpacked."""
+
+    async def get(self, key: str, prototype: BufferPrototype, byte_range: ByteRequest | None = None) -> Buffer | None:
+        """Read a key."""
         try:
-            view = memoryview(content).cast("B")
-            if fault and os.environ.get(faults.VARIABLE):
-                half = len(view) // 2
-                _write_all(file, view[:half])
-                faults.point(fault)
-                view = view[half:]
-            _write_all(file, view)
-            if durable:
-                os.fsync(file)
-        finally:
-            os.close(file)
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise
-    if durable:
-        sync_directory(os.path.dirname(path))
-
-
-def _write_all(file: int, view: memoryview) -> None:
-    while view:
-        view = view[os.write(file, view) :]
-
-
-def _make_directories(path: str, *, durable: bool) -> None:
-    """Create folders; each new entry is synced in its parent if durable."""
-    missing = []
-    while not os.path.isdir(path):
-        missing.append(path)
-        path = os.path.dirname(path)
-    for folder in reversed(missing):
-        with contextlib.suppress(FileExistsError):
-            os.mkdir(folder)
-        if durable:
-            sync_directory(os.path.dirname(folder))
+            size = self._zf.getinfo(key).file_size
+        except KeyError:
+            return None
+        if size > most_bytes(key):
+            raise NotPlainError(
+                f"{key} of {self.path} is of {size:,} bytes, and no file of a store is: nothing was read"
+            )
+        return await super().get(key, prototype, byte_range)
 
 
 def sync_directory(path: StorePath) -> None:
@@ -183,7 +192,7 @@ def open_files(path: StorePath, *, read_only: bool, durable: bool = False, blind
     if local is not None and is_zip(local):
         if not read_only:
             raise StoreError(f"{path} {ZIPPED}")
-        zipped = ZipStore(local, mode="r", read_only=True)
+        zipped = ZippedFiles(local, mode="r", read_only=True)
         zipped._sync_open()  # its own methods expect that of whoever does not open it by a coroutine
         return zipped
     if local is not None:
@@ -199,15 +208,20 @@ def open_files(path: StorePath, *, read_only: bool, durable: bool = False, blind
         raise StoreError(f"cannot open {path}: {e}; give a local path or a URL that fsspec knows (s3://…)") from e
 
 
-def zarr_target(files: Store, path: StorePath) -> Any:
-    """What Zarr and xarray open a store by: they need not have a library of their own for object stores."""
-    return files if isinstance(files, ServiceFiles | ZipStore) else (local_path(path) or normalised(path))
-
-
 def read_key(files: Store, key: str) -> bytes | None:
-    """The bytes under a key, or None."""
+    """The bytes under a key, or None. Raises NotPlainError where something else than a plain file lies there."""
+    if isinstance(files, LocalFiles):
+        return files.below.read(key, most=most_bytes(key))
     content = run_here(files.get(key, default_buffer_prototype()), files)
     return None if content is None else content.to_bytes()
+
+
+def look_at(files: Store, key: str) -> bytes | None:
+    """The bytes under a key; None where there is none, or something else than a plain file, or an unsafe name."""
+    try:
+        return read_key(files, key)
+    except StoreError:
+        return None
 
 
 def write_key(files: Store, key: str, content: bytes) -> None:
@@ -251,8 +265,8 @@ def replace_key(files: ServiceFiles, key: str, content: bytes, tag: str) -> bool
 
 
 def delete_key(files: Store, key: str) -> None:
-    """Remove a key; one that is not there is no error. Raises StoreError where it lies behind a link."""
-    check_inside(files, key)
+    """Remove a key; one that is not there is no error. Raises NotPlainError where it lies behind a link."""
+    parts_of(key)
     run_here(files.delete(key), files)
 
 
@@ -277,38 +291,12 @@ def check_writable(path: StorePath) -> None:
     delete_key(files, key)
 
 
-def check_inside(files: Store, key: str) -> None:
-    """Raise StoreError where a key would leave the store: an unsafe name, or a link on the way."""
-    if os.path.isabs(key) or ".." in key.split("/") or "\\" in key:
-        raise StoreError(f"{key!r} is no key of a store: it leads out of it; nothing was touched")
-    if isinstance(files, LocalStore):
-        folder = files.root
-        for part in key.split("/")[:-1]:
-            folder = folder / part
-            if folder.is_symlink():
-                raise StoreError(f"{folder} is a link, which may lead out of the store; nothing was touched")
-
-
 def list_keys(files: Store) -> list[str]:
     """Every key of a store, sorted; links are keys like files, and not followed."""
-    if isinstance(files, LocalStore):
-        return sorted(_walk(os.fspath(files.root), ""))
+    if isinstance(files, LocalFiles):
+        return files.below.every_key()
 
     async def gather() -> list[str]:
         return sorted([key async for key in files.list() if not key.endswith("/")])  # folders, in a zip
 
     return run_here(gather(), files)
-
-
-def _walk(folder: str, prefix: str) -> list[str]:
-    keys: list[str] = []
-    try:
-        with os.scandir(folder) as entries:
-            for entry in entries:
-                if entry.is_dir(follow_symlinks=False):
-                    keys += _walk(entry.path, f"{prefix}{entry.name}/")
-                else:
-                    keys.append(prefix + entry.name)
-    except FileNotFoundError:  # removed meanwhile, or no store at all
-        return keys
-    return keys

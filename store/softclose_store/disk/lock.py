@@ -8,7 +8,6 @@ broken by hand.
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import getpass
 import json
@@ -17,8 +16,8 @@ import socket
 import uuid
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
-from pathlib import Path
 
+from softclose_store.disk.below import Below
 from softclose_store.disk.files import (
     ZIPPED,
     StorePath,
@@ -27,6 +26,7 @@ from softclose_store.disk.files import (
     is_zip,
     key_version,
     local_path,
+    look_at,
     normalised,
     open_files,
     path_text,
@@ -84,10 +84,14 @@ class Holder:
     def parse(cls, text: bytes | None) -> Holder | None:
         """Who wrote a lock; None where the text is none or unreadable."""
         try:
-            data = json.loads(text or b"")
-            return cls(**data)
-        except (ValueError, TypeError):
+            holder = cls(**json.loads(text or b""))
+        except (ValueError, TypeError, RecursionError):
             return None
+        numbers = (holder.pid, holder.renewals)
+        words = (holder.host, holder.started, holder.boot, holder.user, holder.since, holder.token)
+        is_ours = all(type(n) is int and 0 <= n < 2**31 for n in numbers) and holder.pid > 0
+        # It is shown at a terminal, to which a control character would be an instruction.
+        return holder if is_ours and all(isinstance(word, str) and word.isprintable() for word in words) else None
 
     @property
     def text(self) -> bytes:
@@ -117,8 +121,8 @@ class DriverLock:
         local = local_path(path)
         if local is not None and is_zip(local):
             raise StoreError(f"{path_text(path)} {ZIPPED}")
-        self._file: Path | None = None if local is None else Path(self._where) / LOCK_KEY
-        self._files = None if self._file is not None else open_files(path, read_only=False)
+        self._below = None if local is None else Below(self._where)
+        self._files = None if self._below is not None else open_files(path, read_only=False)
         self._descriptor: int | None = None
         self._text: bytes | None = None
         """What is ours behind a URL."""
@@ -129,8 +133,8 @@ class DriverLock:
         """Take the lock; raises LockedError where a live driver holds it. break_lock takes it anyway."""
         self._holder = Holder.this_process()
         text = self._holder.text
-        if self._file is not None:
-            self._acquire_local(self._file, text, break_lock)
+        if self._below is not None:
+            self._acquire_local(self._below, text, break_lock)
             return
         assert self._files is not None
         if isinstance(self._files, ServiceFiles):
@@ -171,18 +175,19 @@ class DriverLock:
         holder = Holder.parse(content)
         return holder is not None and holder.token == self._holder.token
 
-    def _acquire_local(self, file: Path, text: bytes, break_lock: bool) -> None:
+    def _acquire_local(self, below: Below, text: bytes, break_lock: bool) -> None:
         if break_lock:
-            with contextlib.suppress(FileNotFoundError):
-                file.unlink()  # a new file is a new lock; the old holder keeps one that nobody looks at
+            below.delete(LOCK_KEY)  # a new file is a new lock; the old holder keeps one that nobody looks at
         while True:
-            descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+            descriptor = below.open_lock(LOCK_KEY)
             if not _lock(descriptor):
                 holder = Holder.parse(os.read(descriptor, 4096))
                 os.close(descriptor)
                 raise self._refusal(holder)
-            if _same_file(descriptor, file):
-                break
+            if below.is_same(descriptor, LOCK_KEY):
+                if os.fstat(descriptor).st_nlink == 1:
+                    break
+                below.delete(LOCK_KEY)  # another name's file too: nothing is written into it
             os.close(descriptor)  # the file was replaced between opening and locking it
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, text, 0)
@@ -190,8 +195,8 @@ class DriverLock:
 
     def still_held(self) -> bool:
         """False once somebody has broken the lock."""
-        if self._file is not None:
-            return self._descriptor is not None and _same_file(self._descriptor, self._file)
+        if self._below is not None:
+            return self._descriptor is not None and self._below.is_same(self._descriptor, LOCK_KEY)
         assert self._files is not None
         if self._text is None:
             return False
@@ -208,10 +213,10 @@ class DriverLock:
         if self._renewal is not None:
             self._renewal.stop()
             self._renewal = None
-        if self._file is not None:
+        if self._below is not None:
             if self._descriptor is not None:
-                if _same_file(self._descriptor, self._file):
-                    self._file.unlink(missing_ok=True)
+                if self._below.is_same(self._descriptor, LOCK_KEY):
+                    self._below.delete(LOCK_KEY)
                 os.close(self._descriptor)
                 self._descriptor = None
         elif self._files is not None and self.still_held():
@@ -240,19 +245,8 @@ def lock_holder(path: StorePath) -> Holder | None:
             content = read_key(files, LOCK_KEY)
         holder = Holder.parse(content)
         return None if holder is None or holder.is_dead else holder
-    try:
-        holder = Holder.parse((local / LOCK_KEY).read_bytes())
-    except OSError:
-        return None
+    holder = Holder.parse(None if is_zip(local) else look_at(open_files(path, read_only=True), LOCK_KEY))
     return None if holder is None or holder.is_dead else holder
-
-
-def _same_file(descriptor: int, file: Path) -> bool:
-    try:
-        there, here = os.stat(file), os.fstat(descriptor)
-    except OSError:
-        return False
-    return (there.st_dev, there.st_ino) == (here.st_dev, here.st_ino)
 
 
 def _lock(descriptor: int) -> bool:

@@ -14,9 +14,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from zarr.abc.store import Store
-from zarr.storage import LocalStore, MemoryStore
+from zarr.storage import MemoryStore
 
 T = TypeVar("T")
+
+
+class Here:
+    """What marks a store whose coroutines never wait: they run to their end in the thread that asks."""
 
 
 class _Inline(ThreadPoolExecutor):
@@ -36,7 +40,7 @@ _loops = threading.local()
 
 def run_here(coroutine: Coroutine[Any, Any, T], files: Store) -> T:
     """Run a zarr coroutine to its end; remote file systems are bound to one loop, which runs in a thread of its own."""
-    if not isinstance(files, LocalStore | MemoryStore):
+    if not isinstance(getattr(files, "inner", files), Here | MemoryStore):
         return asyncio.run_coroutine_threadsafe(coroutine, _remote_loop()).result()
     try:
         asyncio.get_running_loop()

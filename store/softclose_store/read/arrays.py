@@ -1,9 +1,12 @@
-"""Owns opening a store's arrays at full capacity: what writers, verification and the driver read, committed or not."""
+"""Owns opening a store's arrays at full capacity, by the schema's metadata, and reading those that never change.
+
+What never changes (population, coordinates) has its digests in the root: what is read of it is compared with them.
+"""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,11 +15,17 @@ from numpy.typing import NDArray
 from zarr.abc.store import Store
 from zarr.storage import StorePath as ZarrPath
 
-from softclose_store.disk.files import StorePath, normalised, open_files
+from softclose_store.disk.files import LocalFiles, StorePath, normalised, open_files
 from softclose_store.disk.loop import run_here
-from softclose_store.errors import StoreError
+from softclose_store.disk.names import chunk_key
+from softclose_store.errors import DamageError
+from softclose_store.read.described import DescribedFiles, Needed
+from softclose_store.schema.digests import array_sha256
+from softclose_store.schema.hierarchy import MARKER, STATIC_CHUNK, TABLES, schema_of
 from softclose_store.schema.layout import Layout
-from softclose_store.schema.root import Root, read_root
+from softclose_store.schema.opening import layout_without_times, read_root
+from softclose_store.schema.root import ROOT_KEY, RUNTIME_KEY, Root, runtime_text
+from softclose_store.schema.texts import read_json
 
 UNREADABLE = (
     *(ValueError, RuntimeError, OSError, KeyError, IndexError, TypeError, EOFError, AttributeError),
@@ -26,6 +35,33 @@ UNREADABLE = (
 
 _opening = threading.Lock()
 """Guards the process-wide zarr setting that is changed while arrays are opened."""
+
+
+def described(files: Store, root: Root, where: str, needed: Needed | None = None) -> DescribedFiles:
+    """The files of a store behind the metadata of its schema, and its root as it was read.
+
+    Parameters
+    ----------
+    files : Store
+        Where they are.
+    root : Root
+        As `read_root` checked it.
+    where : str
+        The store, for messages.
+    needed : callable, optional
+        Which chunks have to be there; by default the static ones, the tables' of committed candidates, and those of
+        whatever block is asked for.
+    """
+    layout = layout_without_times(root.attributes["layout"])
+    documents = schema_of(layout) | {ROOT_KEY: root.encode(), RUNTIME_KEY: runtime_text(root)}
+    n = root.n_committed
+
+    def committed(name: str, chunk: str) -> bool:
+        if name in TABLES:
+            return int(chunk.split(".")[1]) * layout.table_chunk < n
+        return name.rpartition("/")[2] != MARKER.name
+
+    return DescribedFiles(files, documents, where, needed or committed)
 
 
 def open_arrays(files: Store, names: Iterable[str]) -> dict[str, zarr.AsyncArray[Any]]:
@@ -39,30 +75,58 @@ def open_arrays(files: Store, names: Iterable[str]) -> dict[str, zarr.AsyncArray
         return run_here(opened(), files)
 
 
-def read_array(files: Store, name: str, shape: Sequence[int] | None = None) -> NDArray[Any]:
-    """Read a whole array. shape: what it must have; with the metadata of another it could be of any size."""
+def read_array(files: DescribedFiles, name: str) -> NDArray[Any]:
+    """Read a whole array. Its first dimension's chunks have to be there before anything is allocated for them."""
+    shape = read_shape(files, name)
+    if isinstance(files.inner, LocalFiles):
+        for i in range(-(-shape[0] // STATIC_CHUNK)):
+            key = chunk_key(name, i)
+            if files.inner.below.size(key) is None and files.needed(name, key.rpartition("/")[2]):
+                raise files.damage(key, "is missing")
+    return read_whole(files, name)
+
+
+def read_whole(files: DescribedFiles, name: str) -> NDArray[Any]:
+    """Read a whole array."""
 
     async def read() -> Any:
         array = await zarr.AsyncArray.open(ZarrPath(files, name), zarr_format=3)
-        if shape is not None and array.shape != tuple(shape):
-            raise ValueError(f"{name} has shape {array.shape}; it must be {tuple(shape)}")
         return await array.getitem(Ellipsis)
 
     return np.asarray(run_here(read(), files))
 
 
-def layout_of(files: Store, root: Root) -> Layout:
-    """The layout of a store. Every stage has its copy of the time grid: the first that can be read counts."""
+def read_shape(files: DescribedFiles, name: str) -> tuple[int, ...]:
+    """The shape that an array has by the schema."""
+    return tuple(read_json(files.documents[f"{name}/zarr.json"])["shape"])
+
+
+def read_static(files: DescribedFiles, root: Root, name: str) -> NDArray[Any]:
+    """An array that the creation wrote once and for all. Raises DamageError where it is not what was written."""
+    try:
+        values = read_array(files, name)
+    except DamageError:
+        raise
+    except UNREADABLE as e:
+        raise files.damage(chunk_key(name, 0), f"cannot be read ({type(e).__name__}: {e})") from e
+    if array_sha256(values) != root.attributes["static_digests"].get(name):
+        raise files.damage(chunk_key(name, 0), "is not what was written")
+    return values
+
+
+def layout_of(files: DescribedFiles, root: Root) -> Layout:
+    """The layout of a store. Every stage has its copy of the time grid: the first that is as it was written counts."""
     data = root.attributes["layout"]
     if not data["n_times"]:
         return Layout.from_dict(data, np.empty(0))
-    problem: Exception | None = None
+    problem: DamageError | None = None
     for stage in data["stages"]:
         try:
-            return Layout.from_dict(data, read_array(files, f"{stage['name']}/time", [data["n_times"]]))
-        except UNREADABLE as e:
-            problem = e
-    raise StoreError(f"the time grid cannot be read ({problem}): run `softclose verify --repair`")
+            return Layout.from_dict(data, read_static(files, root, f"{stage['name']}/time"))
+        except DamageError as e:
+            problem = problem or e
+    assert problem is not None
+    raise problem
 
 
 LOT = ("D", "G", "K", "M", "voltage_scale", "time_scale")
@@ -72,11 +136,11 @@ LOT = ("D", "G", "K", "M", "voltage_scale", "time_scale")
 def read_switches(path: StorePath) -> NDArray[np.float64]:
     """The whole ensemble: (n_switches, 6) float64, columns D [µm], G [µm], K [N/m], M [µg], and the voltage and time
     scale of its drive: 1 where one waveform drives all."""
-    files = open_files(path, read_only=True)
-    read_root(files, normalised(path))
-    return switches_of(files)
+    files, where = open_files(path, read_only=True), normalised(path)
+    root = read_root(files, where)
+    return switches_of(described(files, root, where), root)
 
 
-def switches_of(files: Store) -> NDArray[np.float64]:
-    """The whole ensemble of the store whose files are given."""
-    return np.column_stack([read_array(files, name) for name in LOT])
+def switches_of(files: DescribedFiles, root: Root) -> NDArray[np.float64]:
+    """The whole ensemble of the store whose files are given. Raises DamageError."""
+    return np.column_stack([read_static(files, root, name) for name in LOT])

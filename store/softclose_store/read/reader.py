@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
 
-from softclose_store.disk.files import StorePath, normalised, open_files, zarr_target
-from softclose_store.errors import DamageError, StoreError
-from softclose_store.read.arrays import LOT, UNREADABLE, layout_of, read_array
+from softclose_store.disk.files import StorePath, normalised, open_files
+from softclose_store.errors import StoreError
+from softclose_store.read.arrays import LOT, described, layout_of, read_array, read_static
+from softclose_store.read.checked import CheckedBlocks
+from softclose_store.read.described import DescribedFiles
+from softclose_store.read.labelled import CheckedFiles
 from softclose_store.read.rows import LazyRows
 from softclose_store.read.table import Table
 from softclose_store.schema.fields import PARAMETERS, POPULATION, QUANTITIES, limit_texts
+from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
 from softclose_store.schema.layout import Layout
-from softclose_store.schema.root import Root, read_root
+from softclose_store.schema.opening import read_root
+from softclose_store.schema.root import ROOT_KEY, Root
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,19 +96,25 @@ class Campaign:
 
     def __init__(self, path: StorePath) -> None:
         self.path = normalised(path)
-        self._files = open_files(path, read_only=True)
+        self._plain = open_files(path, read_only=True)
         self._root: Root
-        self._records: dict[str, NDArray[Any]] = {}
-        self._arrays: dict[str, zarr.Array[Any]] = {}
+        self._files: DescribedFiles
+        self._blocks: CheckedBlocks
+        self._loaded: Table | None
+        self._records: dict[str, NDArray[Any]]
+        self._statics: dict[str, NDArray[Any]]
         self.layout: Layout
         self.refresh()
 
     def refresh(self) -> None:
         """Look at the store again: sees what was committed since."""
-        self._root = read_root(self._files, self.path)
+        self._root = read_root(self._plain, self.path)
+        self._files = described(self._plain, self._root, self.path)
         self.layout = layout_of(self._files, self._root)
+        self._blocks = CheckedBlocks(self._files, self.layout, self._table)
+        self._loaded = None
         self._records = {}
-        self._arrays = {}
+        self._statics = {}
 
     @property
     def config(self) -> dict[str, Any]:
@@ -175,21 +186,33 @@ class Campaign:
         (committed, n_limits); what the surrogate believed is called `surrogate.<name>`, NaN where it did not say.
         """
         if not self._records:
-            table = Table(self.layout, self.committed)
-            table.load(self._files, self.committed, self.path)
-            self._records = table.columns(self.committed, self._root.attributes["hyperparameters"])
+            self._records = self._table().columns(self.committed, self._root.attributes["hyperparameters"])
         return self._records
 
-    def _array(self, name: str) -> zarr.Array[Any]:
-        """An array at full capacity: what is read of it is committed, which `_check` sees to."""
-        if name not in self._arrays:
-            try:
-                self._arrays[name] = zarr.open_array(zarr_target(self._files, self.path), path=name, mode="r")
-            except UNREADABLE as e:
-                raise DamageError(
-                    f"{name} of {self.path} cannot be opened ({type(e).__name__}: {e}): run `softclose verify`"
-                ) from e
-        return self._arrays[name]
+    def _table(self) -> Table:
+        """All rows of committed candidates, compared with their digests."""
+        if self._loaded is None:
+            table = Table(self.layout)
+            table.load(self._files, self.committed)
+            table.check(self._files, self.committed)
+            self._check_age(table)
+            self._loaded = table
+        return self._loaded
+
+    def _check_age(self, table: Table) -> None:
+        """Raise DamageError where the root is of an earlier time than the tables, an old copy for instance."""
+        known = table.waves_beyond(self._files, self.committed)
+        if known <= self.n_waves + 1:
+            return
+        now = read_root(self._plain, self.path)  # a run may have gone on since this view was opened
+        if known > now.n_waves + 1:
+            what = f"is of an earlier time: it says {now.n_waves} waves, and the tables have {known}"
+            raise self._files.damage(ROOT_KEY, what)
+
+    def _static(self, name: str) -> NDArray[Any]:
+        if name not in self._statics:
+            self._statics[name] = read_static(self._files, self._root, name)
+        return self._statics[name]
 
     def _check(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer) or not 0 <= i < self.committed:
@@ -288,7 +311,11 @@ class Campaign:
 
     def _rows(self, name: str, i: int, column: int | None = None) -> LazyRows:
         stage, local = self.layout.stage_of(i)
-        return LazyRows(self._array(f"{stage.name}/{name}"), local, int(self.records()["n_switches"][i]), column)
+        rest, dtype = self.layout.block_arrays[name]
+        shape = (self._table().n_switches(i), *rest)
+        return LazyRows(
+            partial(self._blocks.take, stage.name, name, local), f"{name} of candidate {i}", shape, dtype, column
+        )
 
     def responses(self, i: int) -> StoredResponses:
         """Per-switch results of a candidate.
@@ -323,12 +350,7 @@ class Campaign:
 
     def population(self) -> dict[str, FloatArray]:
         """The whole ensemble: D, G [µm], E [GPa], T [µm], K [N/m], M [µg], (n_switches,) each."""
-        try:
-            return {name: read_array(self._files, name) for name in POPULATION}
-        except UNREADABLE as e:
-            raise DamageError(
-                f"the population of {self.path} cannot be read ({type(e).__name__}: {e}): run `softclose verify`"
-            ) from e
+        return {name: self._static(name).copy() for name in POPULATION}
 
     def switches(self) -> FloatArray:
         """The whole ensemble as the simulator takes it: (n_switches, 4), columns D, G, K, M."""
@@ -357,15 +379,37 @@ class Campaign:
         import xarray
 
         group = None if stage is None else self.layout.stage(stage).name
-        dataset: xr.Dataset = xarray.open_zarr(zarr_target(self._files, self.path), group=group, chunks=None)
+        dataset: xr.Dataset = xarray.open_zarr(self._labelled(), group=group, chunks=None)
         return dataset
 
     def datatree(self) -> xr.DataTree:
         """The whole store as xarray sees it, lazily: the tables, and a group for each stage."""
         import xarray
 
-        tree: xr.DataTree = xarray.open_datatree(zarr_target(self._files, self.path), engine="zarr", chunks=None)
+        target: Any = self._labelled()  # xarray says too little of what it takes
+        tree: xr.DataTree = xarray.open_datatree(target, engine="zarr", chunks=None)
         return tree
+
+    def _labelled(self) -> CheckedFiles:
+        return CheckedFiles(self._files, self._check_chunk)
+
+    def _check_chunk(self, name: str, chunk: str) -> bool:
+        """Whether a chunk is in use; raises DamageError where it is not what was written."""
+        stage, _, last = name.rpartition("/")
+        if name in TABLES:
+            self._table()
+        elif name == HYPERPARAMETER:
+            names = list(self._root.attributes["hyperparameters"])
+            if [str(text) for text in read_array(self._files, name)][: len(names)] != names:
+                raise self._files.damage(f"{name}/{chunk}", "is not what was written")
+        elif last in self.layout.block_arrays or last == MARKER.name:
+            i, j = (int(index) for index in chunk.split(".")[1:3])
+            if j >= self._blocks.n_columns(stage, i):
+                return False
+            self._blocks.check(stage, last, i, j)
+        else:
+            self._static(name)
+        return True
 
     def __repr__(self) -> str:
         return f"Campaign({self.path!r}, {self.committed} of {self.budget} candidates)"

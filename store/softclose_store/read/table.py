@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.abc.store import Store
 
+from softclose_store.disk.files import LocalFiles
 from softclose_store.disk.loop import run_here
+from softclose_store.disk.names import chunk_key
 from softclose_store.errors import DamageError
 from softclose_store.read.arrays import UNREADABLE, open_arrays
+from softclose_store.read.described import DescribedFiles
 from softclose_store.schema.digests import keyed_digest, proposals_digest
 from softclose_store.schema.fields import (
     DIGESTS,
@@ -30,6 +32,8 @@ ORIGIN, NOTE, FAILURE = range(len(WORDS))
 """Columns of `words`."""
 PROPOSAL, MARKERS, RECORD = range(len(DIGESTS))
 """Columns of `digests`."""
+DIGESTS_TABLE = "digests"
+"""The table that a commit writes last."""
 N_WALL = len(WALL) - 1
 """Timings proper: the last column is their check."""
 
@@ -37,48 +41,57 @@ N_WALL = len(WALL) - 1
 class Table:
     """All per-candidate values of a store: `n` rows of each table, what was never written full of fill values."""
 
-    def __init__(self, layout: Layout, n: int) -> None:
+    def __init__(self, layout: Layout, n: int = 0) -> None:
         self.layout = layout
-        self.n = n
         fields = layout.fields
         self._at = {field.name: k for k, field in enumerate(fields)}
         self.empty_record: NDArray[np.float64] = np.array([field.fill for field in fields])
         """A row of `records` of which nothing is known."""
-        self.records: NDArray[np.float64] = np.full((n, len(fields)), np.nan)
-        self.words: NDArray[Any] = np.full((n, len(WORDS)), "", dtype=np.dtypes.StringDType())
-        self.surrogate: NDArray[np.float64] = np.full((n, N_SURROGATE), np.nan)
-        self.digests: NDArray[np.uint64] = np.zeros((n, len(DIGESTS)), dtype=np.uint64)
-        self.wall_times: NDArray[np.float64] = np.full((n, len(WALL)), np.nan)
+        self.records: NDArray[np.float64] = np.empty((0, len(fields)))
+        self.words: NDArray[Any] = np.empty((0, len(WORDS)), dtype=np.dtypes.StringDType())
+        self.surrogate: NDArray[np.float64] = np.empty((0, N_SURROGATE))
+        self.digests: NDArray[np.uint64] = np.empty((0, len(DIGESTS)), dtype=np.uint64)
+        self.wall_times: NDArray[np.float64] = np.empty((0, len(WALL)))
         self.damaged: set[tuple[str, int]] = set()
         """(table, chunk of candidates) that could not be read."""
+        self.reserve(n)
+
+    def reserve(self, n: int) -> None:
+        """Have rows for the first n candidates at least: whole chunks, and ever more at once."""
+        have = len(self.records)
+        if n <= have:
+            return
+        step = self.layout.table_chunk
+        more = min(-(-max(n, 2 * have) // step) * step, self.layout.n_candidates) - have
+        for name in TABLES:
+            values: NDArray[Any] = getattr(self, name)
+            fill = {"T": "", "u": 0}.get(values.dtype.kind, np.nan)
+            setattr(self, name, np.concatenate([values, np.full((more, values.shape[1]), fill, dtype=values.dtype)]))
 
     def rows(self, i_chunk: int) -> slice:
         """Candidates of one chunk."""
         step = self.layout.table_chunk
         return slice(i_chunk * step, min((i_chunk + 1) * step, self.layout.n_candidates))
 
-    def load(self, files: Store, n: int, where: str, *, tolerate_damage: bool = False) -> None:
+    def load(self, files: DescribedFiles, n: int, *, tolerate_damage: bool = False) -> None:
         """Read the first n rows of every table; raises DamageError. What cannot be read stays empty if tolerated."""
         if n == 0:
             return
-        try:
-            arrays = open_arrays(files, TABLES)
-        except UNREADABLE as e:
-            if not tolerate_damage:
-                raise self._damage(where, "a table", slice(0, n), e) from e
-            self.damaged |= {(name, i) for name in TABLES for i in range(self.chunks_of(n))}
-            return
-        for name, array in arrays.items():
-            self._load_table(files, name, array, n, where, tolerate_damage)
+        if not tolerate_damage and isinstance(files.inner, LocalFiles):
+            for i_chunk in range(self.chunks_of(n)):  # before anything is allocated for them
+                key = chunk_key(DIGESTS_TABLE, i_chunk, 0)
+                if files.inner.below.size(key) is None:
+                    raise files.damage(key, "is missing")
+        self.reserve(n)
+        for name, array in open_arrays(files, TABLES).items():
+            self._load_table(files, name, array, n, tolerate_damage)
 
     def _load_table(
-        self, files: Store, name: str, array: zarr.AsyncArray[Any], n: int, where: str, tolerate_damage: bool
+        self, files: DescribedFiles, name: str, array: zarr.AsyncArray[Any], n: int, tolerate_damage: bool
     ) -> None:
         values: NDArray[Any] = getattr(self, name)
 
         def read(rows: slice) -> None:
-            if array.shape != (self.layout.n_candidates, values.shape[1]):
-                raise ValueError(f"it has shape {array.shape}: its metadata is another array's")
             values[rows] = run_here(array.getitem((rows, slice(None))), files)
 
         try:
@@ -93,14 +106,50 @@ class Table:
                 read(rows)
             except UNREADABLE as e:
                 if not tolerate_damage:
-                    raise self._damage(where, name, rows, e) from e
+                    if isinstance(e, DamageError):
+                        raise
+                    key = chunk_key(name, i_chunk, 0)
+                    what = f"with candidates {rows.start} to {rows.stop - 1} cannot be read ({type(e).__name__}: {e})"
+                    raise files.damage(key, what) from e
                 self.damaged.add((name, i_chunk))
 
-    def _damage(self, where: str, name: str, rows: slice, e: Exception) -> DamageError:
-        return DamageError(
-            f"candidates {rows.start} to {rows.stop - 1} in {name} of {where} cannot be read ({type(e).__name__}: {e})"
-            ": run `softclose verify --repair`"
-        )
+    def check(self, files: DescribedFiles, n: int) -> None:
+        """Compare the first n rows with their digests; raises DamageError."""
+        digests = self.digests[:n]
+        for i, (proposal, _, record) in enumerate(digests.tolist()):
+            if proposal != self.proposal_digest(i) or record != self.record_digest(i):
+                *rest, last = (
+                    chunk_key(name, i // self.layout.table_chunk, 0) for name in TABLES if name != "wall_times"
+                )
+                raise files.damage(
+                    f"{', '.join(rest)} or {last}", f"is not what was written: the record of candidate {i} is damaged"
+                )
+            if self.wall_times[i, N_WALL] != self.wall_check(i):
+                key = chunk_key("wall_times", i // self.layout.table_chunk, 0)
+                raise files.damage(key, f"is not what was written: the timings of candidate {i} are damaged")
+
+    def waves_beyond(self, files: DescribedFiles, n: int) -> int:
+        """Waves that the rows behind the first n know of, as far as their chunk goes; 0 where nothing is written there.
+
+        A commit writes its rows before the root, so one wave more than the root says is no damage. Two are.
+        """
+        i_chunk = n // self.layout.table_chunk
+        if n >= self.layout.n_candidates:
+            return 0
+        rows = slice(n, self.rows(i_chunk).stop)
+        arrays = open_arrays(files, TABLES)
+        beyond = Table(self.layout, rows.stop)
+        try:
+            beyond.digests[rows] = run_here(arrays[DIGESTS_TABLE].getitem((rows, slice(None))), files)
+            written = [i for i in range(rows.start, rows.stop) if beyond.digests[i, RECORD]]
+            if not written:
+                return 0
+            for name in ("records", "words"):
+                getattr(beyond, name)[rows] = run_here(arrays[name].getitem((rows, slice(None))), files)
+        except UNREADABLE:  # nothing of these rows is committed: they may be in any state
+            return 0
+        whole = [i for i in written if int(beyond.digests[i, RECORD]) == beyond.record_digest(i)]
+        return max((int(beyond.number(i, "wave")) + 1 for i in whole), default=0)
 
     def chunks_of(self, n: int) -> int:
         """Chunks that hold the first n candidates."""
@@ -146,7 +195,7 @@ class Table:
 
     def n_hyperparameters(self) -> int:
         """Columns of `surrogate` that are in use."""
-        used = np.flatnonzero(~np.isnan(self.surrogate).all(axis=0)) if self.n else np.empty(0, dtype=int)
+        used = np.flatnonzero(~np.isnan(self.surrogate).all(axis=0)) if len(self.surrogate) else np.empty(0, dtype=int)
         return int(used[-1]) + 1 if used.size else 0
 
     def block_proposals(self, stage: StageLayout, i_block: int) -> tuple[int, int]:

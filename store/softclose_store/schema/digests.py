@@ -40,12 +40,31 @@ def keyed_digest(key: str, parts: Iterable[bytes | memoryview]) -> int:
     return state.intdigest() or 1
 
 
+class BlockDigest:
+    """Digest of one array of a block, keyed with where it belongs; its values may come in parts that follow."""
+
+    def __init__(
+        self, place: tuple[str, str, int, int], proposals: int, dtype: np.dtype[Any], shape: tuple[int, ...]
+    ) -> None:
+        """place: stage, array, row and column of the block; proposals: digest of those that it was computed for."""
+        stage, name, i, j = place
+        self._state = xxhash.xxh3_64(f"{stage}|{name}|{i}|{j}|{proposals}|{dtype.str}|{shape}".encode())
+
+    def add(self, values: NDArray[Any]) -> None:
+        """The next values: C-contiguous, little-endian."""
+        self._state.update(values.reshape(-1).view(np.uint8).data if values.size else b"")
+
+    @property
+    def value(self) -> int:
+        """The digest of what was added."""
+        return int(self._state.intdigest()) or 1
+
+
 def block_digest(stage: str, name: str, i_block: int, j_block: int, proposals: int, values: NDArray[Any]) -> int:
     """Digest of one array of a block, keyed with where it belongs. values: C-contiguous, little-endian."""
-    key = f"{stage}|{name}|{i_block}|{j_block}|{proposals}|{values.dtype.str}|{values.shape}"
-    state = xxhash.xxh3_64(key.encode())
-    state.update(values.reshape(-1).view(np.uint8).data if values.size else b"")
-    return state.intdigest() or 1
+    digest = BlockDigest((stage, name, i_block, j_block), proposals, values.dtype, values.shape)
+    digest.add(values)
+    return digest.value
 
 
 def proposals_digest(waveforms: Iterable[ArrayLike], n_switches: int, start: int) -> int:

@@ -13,6 +13,8 @@ from typing import Any
 
 from softclose_store.disk.names import checked_member
 from softclose_store.schema import digests
+from softclose_store.schema.documents import GroupDocument, checked
+from softclose_store.schema.texts import read_json
 
 FILES = "softclose_files"
 """Attribute of a result group: sha256 of every file in it."""
@@ -85,14 +87,13 @@ def encode(document: Mapping[str, Any]) -> bytes:
 def decode(content: bytes | None, name: str) -> GroupMetadata | None:
     """The metadata of group `name`; None where these are no metadata of a result group, damaged, or another group's."""
     try:
-        document = json.loads(content or b"")
-        attributes = document["attributes"]
+        document = read_json(content or b"")
+        checked(GroupDocument, document)
         whole = encode(document) == content
-        is_own = attributes.get(NAME, name) == name  # 0.1 did not say it
-        listed = attributes[FILES]
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except ValueError:
         return None
-    return GroupMetadata(name, document) if whole and is_own and isinstance(listed, dict) else None
+    is_own = document["attributes"].get(NAME, name) == name  # 0.1 did not say it
+    return GroupMetadata(name, document) if whole and is_own else None
 
 
 def decode_copy(content: bytes | None, name: str, member: str) -> GroupMetadata | None:

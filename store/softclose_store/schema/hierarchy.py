@@ -6,16 +6,18 @@ import json
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
-import zarr
 from numpy.typing import ArrayLike, NDArray
 from zarr.abc.buffer import Buffer
+from zarr.api.asynchronous import consolidate_metadata, create_group
 from zarr.codecs import BloscCodec, Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
-from softclose_store.disk.names import CHUNK_KEY_SEPARATOR
+from softclose_store.disk.loop import run_here
+from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, is_chunk_key
 from softclose_store.errors import LayoutError
 from softclose_store.schema import digests
 from softclose_store.schema.fields import (
@@ -199,44 +201,78 @@ def build_hierarchy(
     durable: bool,
 ) -> dict[str, bytes]:
     """The whole empty hierarchy in memory: key -> bytes."""
-    buffers: dict[str, Buffer] = {}
-    memory = MemoryStore(buffers)
-    group = zarr.create_group(memory)
-    for stage in layout.stages:
-        first = layout.first(stage.name)
-        group.create_group(stage.name, attributes={"first_candidate": first, "n_candidates": stage.n_candidates})
     statics = static_arrays(layout, population)
-    for name, static in statics.items():
-        _create_static(group, name, static)
-    _create_hyperparameters(group)
-    for spec in TABLES.values():
-        _create_table(group, layout, spec)
-    for stage in layout.stages:
-        for spec in stage_specs(layout):
-            _create_stage_array(group, layout, stage, spec)
-    group.create_group("runtime", attributes=dict(runtime))
-    with warnings.catch_warnings():
-        # The Zarr v3 specification does not cover consolidated metadata yet; zarr says so wherever it writes them.
-        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
-        zarr.consolidate_metadata(memory)
-    contents = {key: value.to_bytes() for key, value in buffers.items()}
-    root = Root(json.loads(contents[ROOT_KEY]))
-    root.attributes.update(
-        {
-            "kind": KIND,
-            SCHEMA_ATTRIBUTE: SCHEMA_VERSION,
-            "fingerprint": fingerprint,
-            "algorithm": algorithm,
-            "config": dict(config),
-            "layout": layout.to_dict(),
-            "durable": durable,
-            "static_digests": {name: digests.array_sha256(static.values) for name, static in statics.items()},
-            "metadata_digest": metadata_digest(contents),
-        }
-    )
+    contents = schema_of(layout) | _filled(statics)
+    document = json.loads(contents[ROOT_KEY])
+    document["attributes"] = {
+        "kind": KIND,
+        SCHEMA_ATTRIBUTE: SCHEMA_VERSION,
+        "fingerprint": fingerprint,
+        "algorithm": algorithm,
+        "config": dict(config),
+        "layout": layout.to_dict(),
+        "durable": durable,
+        "static_digests": {name: digests.array_sha256(static.values) for name, static in statics.items()},
+        "metadata_digest": metadata_digest(contents),
+    }
+    root = Root(document).with_runtime(runtime)
     contents[ROOT_KEY] = contents[BACKUP_KEY] = root.committed(0, 0, ()).encode()
     contents[RUNTIME_KEY] = runtime_text(root)
     return contents
+
+
+def schema_of(layout: Layout) -> dict[str, bytes]:
+    """The metadata of every array and group of a store of this layout, the root's without attributes: key -> bytes.
+
+    Nothing is allocated by the layout's sizes: they may come out of a store that somebody made up.
+    """
+    return dict(_schema(digests.canonical_json(layout.to_dict())))
+
+
+@lru_cache(maxsize=16)
+def _schema(sizes: str) -> Mapping[str, bytes]:
+    data = json.loads(sizes)
+    layout = Layout.from_dict(data, np.arange(float(data["n_times"])))
+    nothing = np.broadcast_to(np.float64(0.0), layout.n_switches)
+    buffers: dict[str, Buffer] = {}
+    memory = MemoryStore(buffers)
+
+    async def create() -> None:
+        group = await create_group(store=memory)
+        for stage in layout.stages:
+            attributes = {"first_candidate": layout.first(stage.name), "n_candidates": stage.n_candidates}
+            await group.create_group(stage.name, attributes=attributes)
+        for name, static in static_arrays(layout, dict.fromkeys(POPULATION, nothing)).items():
+            await group.create_array(name, **_static_options(static))
+        await group.create_array(HYPERPARAMETER, **_static_options(_no_hyperparameters()))
+        for spec in TABLES.values():
+            await group.create_array(spec.name, **_table_options(layout, spec))
+        for stage in layout.stages:
+            for spec in stage_specs(layout):
+                await group.create_array(f"{stage.name}/{spec.name}", **_stage_options(layout, stage, spec))
+        await group.create_group("runtime")
+        await consolidate_metadata(memory)
+
+    with warnings.catch_warnings():
+        # The Zarr v3 specification does not cover consolidated metadata yet; zarr says so wherever it writes them.
+        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
+        run_here(create(), memory)
+    return {key: value.to_bytes() for key, value in buffers.items()}
+
+
+def _filled(statics: Mapping[str, Static]) -> dict[str, bytes]:
+    """The chunks of the static arrays: key -> bytes."""
+    buffers: dict[str, Buffer] = {}
+    memory = MemoryStore(buffers)
+
+    async def create() -> None:
+        group = await create_group(store=memory)
+        for name, static in {**statics, HYPERPARAMETER: _no_hyperparameters()}.items():
+            array = await group.create_array(name, **_static_options(static))
+            await array.setitem(Ellipsis, static.values)
+
+    run_here(create(), memory)
+    return {key: value.to_bytes() for key, value in buffers.items() if is_chunk_key(key)}
 
 
 def stage_specs(layout: Layout) -> Iterator[ArraySpec]:
@@ -251,35 +287,32 @@ def metadata_digest(contents: Mapping[str, bytes]) -> str:
     return digests.sha256(b"".join(k.encode() + b"\0" + contents[k] + b"\0" for k in keys))
 
 
-def _create_static(group: zarr.Group, name: str, static: Static) -> None:
+def _static_options(static: Static) -> dict[str, Any]:
     is_text = static.values.dtype.kind == "T"
-    array = group.create_array(
-        name,
-        shape=static.values.shape,
-        chunks=tuple(max(1, min(n, STATIC_CHUNK)) for n in static.values.shape),
-        dtype="str" if is_text else static.values.dtype,
-        dimension_names=static.dims,
-        compressors=[text_codec() if is_text else fast_codec(), Crc32cCodec()],
-        fill_value="" if is_text else 0,
-        attributes={"units": static.unit, "long_name": static.long_name},
-        chunk_key_encoding=KEYS,
-        config={"write_empty_chunks": True},
-    )
-    array[...] = static.values
+    return {
+        "shape": static.values.shape,
+        "chunks": tuple(max(1, min(n, STATIC_CHUNK)) for n in static.values.shape),
+        "dtype": "str" if is_text else static.values.dtype,
+        "dimension_names": static.dims,
+        "compressors": [text_codec() if is_text else fast_codec(), Crc32cCodec()],
+        "fill_value": "" if is_text else 0,
+        "attributes": {"units": static.unit, "long_name": static.long_name},
+        "chunk_key_encoding": KEYS,
+        "config": {"write_empty_chunks": True},
+    }
 
 
 HYPERPARAMETER = "hyperparameter"
 """Coordinate of `surrogate`: names of what surrogates said so far, then "". The root says them too, and is right."""
 
 
-def _create_hyperparameters(group: zarr.Group) -> None:
-    names = _texts(
+def _no_hyperparameters() -> Static:
+    return _texts(
         HYPERPARAMETER, [""] * N_SURROGATE, "columns of surrogate, in the order in which they were first used"
     )
-    _create_static(group, HYPERPARAMETER, names)
 
 
-def _create_table(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
+def _table_options(layout: Layout, spec: ArraySpec) -> dict[str, Any]:
     columns = {"field": len(layout.fields), "word": len(WORDS), "wall_time": len(WALL)}
     columns |= {"hyperparameter": N_SURROGATE, "digest": len(DIGESTS)}
     n = columns[spec.dims[1]]
@@ -287,20 +320,19 @@ def _create_table(group: zarr.Group, layout: Layout, spec: ArraySpec) -> None:
     if spec.name == "records":
         attributes["coordinates"] = "field_unit field_long_name"
     is_text = spec.dtype == "str"
-    group.create_array(
-        spec.name,
-        shape=(layout.n_candidates, n),
-        chunks=(layout.table_chunk, n),
-        dtype=spec.dtype,
-        compressors=[text_codec() if is_text else fast_codec(), Crc32cCodec()],
-        fill_value="" if is_text else (0 if spec.dtype == "u8" else np.nan),
-        dimension_names=spec.dims,
-        attributes=attributes,
-        chunk_key_encoding=KEYS,
-    )
+    return {
+        "shape": (layout.n_candidates, n),
+        "chunks": (layout.table_chunk, n),
+        "dtype": spec.dtype,
+        "compressors": [text_codec() if is_text else fast_codec(), Crc32cCodec()],
+        "fill_value": "" if is_text else (0 if spec.dtype == "u8" else np.nan),
+        "dimension_names": spec.dims,
+        "attributes": attributes,
+        "chunk_key_encoding": KEYS,
+    }
 
 
-def _create_stage_array(group: zarr.Group, layout: Layout, stage: StageLayout, spec: ArraySpec) -> None:
+def _stage_options(layout: Layout, stage: StageLayout, spec: ArraySpec) -> dict[str, Any]:
     attributes: dict[str, Any] = {"units": spec.unit, "long_name": spec.long_name}
     shards: tuple[int, ...] | None = None
     compressors: list[Any]
@@ -320,15 +352,14 @@ def _create_stage_array(group: zarr.Group, layout: Layout, stage: StageLayout, s
         compressors, fill = [codec, Crc32cCodec()], np.nan
         if spec.name == "response":
             attributes["coordinates"] = "quantity_unit"
-    group.create_array(
-        f"{stage.name}/{spec.name}",
-        shape=shape,
-        chunks=chunks,
-        shards=None if chunks == shards else shards,
-        dtype=spec.dtype,
-        compressors=compressors,
-        fill_value=fill if spec.role == "block" else 0,
-        dimension_names=spec.dims,
-        attributes=attributes,
-        chunk_key_encoding=KEYS,
-    )
+    return {
+        "shape": shape,
+        "chunks": chunks,
+        "shards": None if chunks == shards else shards,
+        "dtype": spec.dtype,
+        "compressors": compressors,
+        "fill_value": fill if spec.role == "block" else 0,
+        "dimension_names": spec.dims,
+        "attributes": attributes,
+        "chunk_key_encoding": KEYS,
+    }

@@ -13,13 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from zarr.abc.store import Store
-
-from softclose_store.disk.files import list_keys, read_key, write_key
-from softclose_store.disk.names import is_chunk_key
-from softclose_store.errors import DamageError, StoreMissingError
 from softclose_store.schema import digests
-from softclose_store.schema.layout import check_schema
 
 ROOT_KEY = "zarr.json"
 KIND = "softclose-campaign"
@@ -27,6 +21,8 @@ SCHEMA_ATTRIBUTE = "softclose_schema"
 BACKUP_KEY = "digests/root.json"
 """The root as created, nothing committed: what a damaged root is rebuilt from. In an array's folder, where no Zarr tool
 looks for members."""
+EXTENSION_KEY = "digests/extension.json"
+"""What a campaign will be whose extension is being written; there only meanwhile."""
 RUNTIME_KEY = "runtime/zarr.json"
 _NO_DIGEST = "-" * 64
 
@@ -137,56 +133,3 @@ def runtime_text(root: Root) -> bytes:
 
 def _text(document: Mapping[str, Any]) -> bytes:
     return json.dumps(document, separators=(",", ":"), sort_keys=True, allow_nan=False).encode()
-
-
-def decode_root(content: bytes, where: str) -> Root:
-    """Parse the root; raises StoreMissingError, SchemaError or DamageError (unreadable, or not what was written)."""
-    try:
-        document = json.loads(content)
-        attributes = document["attributes"]
-        is_ours = attributes.get("kind") == KIND
-    except (ValueError, KeyError, AttributeError, TypeError) as e:
-        raise DamageError(
-            f"{where}/zarr.json cannot be read as JSON metadata ({type(e).__name__}): the file is damaged: "
-            "`softclose verify --repair` rebuilds it; or the path is no Softclose store"
-        ) from e
-    if not is_ours:
-        raise StoreMissingError(f"{where} is a Zarr hierarchy, but no Softclose campaign; give another path")
-    check_schema(attributes.get(SCHEMA_ATTRIBUTE), where)
-    root = Root(document)
-    if root.encode() != content:
-        raise DamageError(
-            f"{where}/zarr.json is not what was written (its own digest differs): "
-            "`softclose verify --repair` rebuilds it"
-        )
-    return root
-
-
-def read_root(files: Store, where: str) -> Root:
-    """Read and check the root; raises StoreMissingError where there is no store, DamageError where its root is gone."""
-    content = read_key(files, ROOT_KEY)
-    if content is not None:
-        return decode_root(content, where)
-    begun = any(read_key(files, f"{name}/zarr.json") is not None for name in ("digests", "records"))
-    if read_key(files, BACKUP_KEY) is not None or (begun and _holds_data(files)):
-        raise DamageError(
-            f"{where} holds a campaign but no zarr.json at its root: that file was lost; "
-            "`softclose verify --repair` rebuilds it"
-        )
-    if begun:
-        raise StoreMissingError(
-            f"{where} holds an unfinished creation of a store (no zarr.json at its root, and no data): nothing is "
-            "lost, delete it and run again"
-        )
-    raise StoreMissingError(f"there is no campaign at {where}: check the path, or start one with `softclose run`")
-
-
-def _holds_data(files: Store) -> bool:
-    """True where a candidate was stored: the creation alone writes no table and no block."""
-    written = ("digests/c.", "records/c.")
-    return any(key.startswith(written) or (is_chunk_key(key) and "/block_digest/" in key) for key in list_keys(files))
-
-
-def write_root(files: Store, root: Root) -> None:
-    """Replace the root atomically: this is the commit."""
-    write_key(files, ROOT_KEY, root.encode())

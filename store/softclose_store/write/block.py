@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from zarr.abc.store import Store
 
 from softclose_store import faults
-from softclose_store.disk.files import StorePath, normalised, open_files, read_key
+from softclose_store.disk.files import LocalFiles, StorePath, normalised, open_files, read_key
 from softclose_store.disk.loop import run_here
 from softclose_store.errors import LayoutError
-from softclose_store.read.arrays import layout_of, open_arrays
+from softclose_store.read.arrays import described, layout_of, open_arrays
+from softclose_store.read.described import DescribedFiles, never
 from softclose_store.schema.digests import assessed_digest, block_digest
 from softclose_store.schema.hierarchy import MARKER, stage_specs
 from softclose_store.schema.layout import Layout
-from softclose_store.schema.root import read_root
+from softclose_store.schema.opening import read_root
 
 _PROBE = "digests/zarr.json"
 """Written once by the creation: another store at the path has another file here."""
@@ -30,7 +31,7 @@ _PROBE = "digests/zarr.json"
 class BlockWriter:
     """The arrays of one store, open at full capacity for whole-chunk writes."""
 
-    files: Store
+    files: DescribedFiles
     """Where they are."""
     layout: Layout
     """Their sizes."""
@@ -123,14 +124,15 @@ def open_writer(path: StorePath) -> BlockWriter:
     """The writer of a store, kept open for this process; opened again where another store has taken the path."""
     where = normalised(path)
     writer = _writers.get(where)
-    if writer is not None and writer.key == _identity(writer.files, where):
+    if writer is not None and writer.key == _identity(writer.files.inner):
         return writer
     plain = open_files(path, read_only=True)
     root = read_root(plain, where)
-    files = open_files(path, read_only=False, durable=bool(root.attributes["durable"]), blind=True)
-    layout = layout_of(plain, root)
+    layout = layout_of(described(plain, root, where), root)
+    blind = open_files(path, read_only=False, durable=bool(root.attributes["durable"]), blind=True)
+    files = described(blind, root, where, never)
     names = [f"{stage.name}/{spec.name}" for stage in layout.stages for spec in stage_specs(layout)]
-    writer = BlockWriter(files, layout, open_arrays(files, names), _identity(files, where))
+    writer = BlockWriter(files, layout, open_arrays(files, names), _identity(blind))
     _writers[where] = writer
     return writer
 
@@ -140,13 +142,11 @@ def forget_writer(path: StorePath) -> None:
     _writers.pop(normalised(path), None)
 
 
-def _identity(files: Store, where: str) -> tuple[Any, ...]:
+def _identity(files: Store) -> tuple[Any, ...]:
     """Changes when the store at a path is replaced by another: it is read before every block, so it must be cheap."""
-    try:
-        found = os.stat(os.path.join(where, _PROBE))
-    except OSError:
-        return (os.getpid(), read_key(files, _PROBE))
-    return os.getpid(), found.st_ino, found.st_mtime_ns
+    if isinstance(files, LocalFiles):
+        return os.getpid(), files.below.identity(_PROBE)
+    return os.getpid(), read_key(files, _PROBE)
 
 
 def write_block(

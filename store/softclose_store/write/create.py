@@ -28,7 +28,8 @@ from softclose_store.errors import (
 from softclose_store.schema import digests
 from softclose_store.schema.hierarchy import build_hierarchy, population_columns
 from softclose_store.schema.layout import Layout
-from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, read_root
+from softclose_store.schema.opening import read_root
+from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY
 
 
 def create_campaign(
@@ -123,6 +124,7 @@ def _appear(target: Path, hierarchy: Mapping[str, bytes]) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(sibling, ignore_errors=True)
+        os.mkdir(sibling)
         files = open_files(sibling, read_only=False, durable=True)
         _write_all(files, hierarchy)
         os.rename(sibling, target)  # replaces an empty folder, refuses any other
@@ -156,7 +158,7 @@ def _same_campaign_exists(
     if state.kind == "foreign":
         raise StoreExistsError(f"{where} exists and is no Softclose store; give a path that does not exist yet")
     if state.kind == "damaged":
-        raise DamageError(f"{where} holds a damaged store ({state.problem}); `softclose verify` says more")
+        raise DamageError(f"{where} holds a damaged store: {state.problem}")
     if state.fingerprint != fingerprint:
         changes = differences(state.config, config)
         raise OtherConfigurationError(

@@ -14,15 +14,19 @@ from softclose_store import faults
 from softclose_store.disk.files import StorePath, normalised, open_files, write_key
 from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import DamageError, OtherAlgorithmError, OtherConfigurationError, RecordError
-from softclose_store.read.arrays import layout_of, open_arrays, switches_of
+from softclose_store.read.arrays import described, layout_of, open_arrays, switches_of
 from softclose_store.read.blocks import BlockReader, markers_digest
-from softclose_store.read.table import PROPOSAL, RECORD, Table
+from softclose_store.read.described import never
+from softclose_store.read.metadata import check_metadata
+from softclose_store.read.table import Table
 from softclose_store.schema.digests import canonical_json, proposals_digest
 from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
 from softclose_store.schema.layout import Layout
-from softclose_store.schema.root import RUNTIME_KEY, Root, read_root, runtime_text, write_root
+from softclose_store.schema.opening import read_root, write_root
+from softclose_store.schema.root import RUNTIME_KEY, Root, runtime_text
 from softclose_store.write.block import assessed_of
 from softclose_store.write.create import other_algorithm
+from softclose_store.write.extend import complete_extension
 from softclose_store.write.rows import (
     ASSESSED,
     PROPOSED,
@@ -73,12 +77,15 @@ class DriverStore:
         self._lock = DriverLock(path)
         self._lock.acquire(break_lock=break_lock)
         try:
+            complete_extension(open_files(path, read_only=False), self.path)
             self._root: Root = read_root(self._plain, self.path)  # another driver may have committed meanwhile
-            self.layout: Layout = layout_of(self._plain, self._root)
-            self._files = open_files(path, read_only=False, durable=self.durable, blind=False)
-            self._blocks = BlockReader(self._plain, self.layout)
-            self._table = Table(self.layout, self.layout.n_candidates)
-            self._table.load(self._files, self.n_committed, self.path, tolerate_damage=tolerate_damage)
+            self._read = described(self._plain, self._root, self.path, never if tolerate_damage else None)
+            self.layout: Layout = layout_of(self._read, self._root)
+            whole = open_files(path, read_only=False, durable=self.durable)
+            self._files = described(whole, self._root, self.path, never)
+            self._blocks = BlockReader(self._read, self.layout)
+            self._table = Table(self.layout)
+            self._table.load(self._read, self.n_committed, tolerate_damage=tolerate_damage)
             self._hyperparameters: list[str] = list(self._root.attributes["hyperparameters"])
             self._arrays = open_arrays(self._files, (*TABLES, HYPERPARAMETER))
             if not tolerate_damage:
@@ -133,7 +140,7 @@ class DriverStore:
     @property
     def lot(self) -> NDArray[np.float64]:
         """(n_switches, 6) float64: D [µm], G [µm], K [N/m], M [µg], voltage and time scale of the drive."""
-        return switches_of(self._plain)
+        return switches_of(self._read, self._root)
 
     def records(self) -> dict[str, NDArray[Any]]:
         """Every value of the committed candidates, by name: (n_committed, …) each, copies."""
@@ -210,7 +217,7 @@ class DriverStore:
         except (ValueError, RuntimeError, OSError) as e:
             raise DamageError(
                 f"block ({i_block}, {j_block}) of stage {stage} in {self.path} cannot be read ({e}): "
-                "run `softclose verify --repair`"
+                f"run `softclose verify {self.path} --repair`"
             ) from e
         speed, closed, status, settling = assessed_of(response)
         return {"max_contact_speed": speed, "closed": closed, "status": status, "settling": settling}
@@ -236,6 +243,7 @@ class DriverStore:
         self._lock.check()
         hyperparameters = list(self._hyperparameters)
         now = time.time()
+        self._table.reserve(stop)
         try:
             for i, row in enumerate(rows, start):
                 set_proposal(self._table, i, row, hyperparameters)
@@ -252,7 +260,7 @@ class DriverStore:
         faults.point("after-record")
         faults.point("before-commit")
         root = self._root.committed(stop, self.n_waves + 1, hyperparameters)
-        write_root(self._files, root)
+        write_root(self._files.inner, root)
         self._root = root
         faults.point("after-commit")
 
@@ -296,7 +304,7 @@ class DriverStore:
     def _forget(self, start: int, stop: int) -> None:
         empty = Table(self.layout, stop - start)
         for name in TABLES:
-            getattr(self._table, name)[start:stop] = getattr(empty, name)
+            getattr(self._table, name)[start:stop] = getattr(empty, name)[: stop - start]
 
     def note_run(self, runtime: Mapping[str, Any]) -> None:
         """Add who runs the campaign now, and where, to the group `runtime` (not part of the campaign's identity).
@@ -308,21 +316,16 @@ class DriverStore:
         """
         canonical_json(runtime)  # raises for what is no JSON
         root = self._root.noted(runtime)
-        write_key(self._files, RUNTIME_KEY, runtime_text(root))
-        write_root(self._files, root)
+        write_key(self._files.inner, RUNTIME_KEY, runtime_text(root))
+        write_root(self._files.inner, root)
         self._root = root
 
     def _check_committed(self) -> None:
         """Compare all committed records with their digests, and the data of the last blocks with their markers."""
-        table, n = self._table, self.n_committed
-        proposals, records = table.digests[:, PROPOSAL], table.digests[:, RECORD]
-        for i in range(n):
-            if int(proposals[i]) != table.proposal_digest(i) or int(records[i]) != table.record_digest(i):
-                raise DamageError(
-                    f"the record of candidate {i} in {self.path} is damaged: run `softclose verify --repair`"
-                )
-        if n:
-            self._check_last_wave(n - 1)
+        check_metadata(self._read, self._root)
+        self._table.check(self._read, self.n_committed)
+        if self.n_committed:
+            self._check_last_wave(self.n_committed - 1)
 
     def _check_last_wave(self, i_last: int) -> None:
         """The data of the last wave's blocks, from the last on, as far as the budget of bytes goes."""
@@ -345,5 +348,5 @@ class DriverStore:
                 if problems:
                     raise DamageError(
                         f"block ({i}, {j}) of stage {stage.name} in {self.path} is damaged ({problems[0]}): "
-                        "run `softclose verify --repair`"
+                        f"run `softclose verify {self.path} --repair`"
                     )

@@ -1,4 +1,9 @@
-"""Owns the extension of a finished campaign: more stages at its end, everything before them untouched."""
+"""Owns the extension of a finished campaign: more stages at its end, everything before them untouched.
+
+What the extended campaign will be is written down first, in a file of its own; then its new files, and its root last.
+Whoever next opens for writing a store in which that file lies completes the extension. Until the root is replaced the
+campaign is what it was, to every reader.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +12,20 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from softclose_store.disk.files import StorePath, list_keys, normalised, open_files, read_key, write_key
+from zarr.abc.store import Store
+
+from softclose_store.disk.files import StorePath, delete_key, look_at, normalised, open_files, write_key
 from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import LayoutError, OtherAlgorithmError, OtherConfigurationError, StoreError
-from softclose_store.read.arrays import layout_of, read_array
+from softclose_store.read.arrays import described, layout_of, read_static
+from softclose_store.read.metadata import check_metadata
+from softclose_store.read.table import Table
 from softclose_store.schema import digests
 from softclose_store.schema.fields import POPULATION
 from softclose_store.schema.hierarchy import TABLES, build_hierarchy
 from softclose_store.schema.layout import Layout
-from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, read_root, runtime_text, write_root
+from softclose_store.schema.opening import decode_root, layout_without_times, read_root, write_root
+from softclose_store.schema.root import BACKUP_KEY, EXTENSION_KEY, ROOT_KEY, RUNTIME_KEY, Root, runtime_text
 from softclose_store.write.create import other_algorithm
 
 MAY_CHANGE = "extensions"
@@ -58,32 +68,140 @@ def extend_campaign(
         Where a stage would.
     OtherAlgorithmError
         For another algorithm: it would not go on as it began.
+    DamageError
+        Where anything that the extension builds on is not what was written; nothing was changed.
     """
     where = normalised(path)
-    files = open_files(path, read_only=False, durable=bool(_root(path).attributes["durable"]))
     lock = DriverLock(path)
     lock.acquire(break_lock=break_lock)
     try:
-        root = _root(path)
-        old = layout_of(files, root)
-        _check(root, old, layout, config, algorithm, where)
+        files = open_files(path, read_only=False)
+        complete_extension(files, where)
+        root = read_root(files, where)
         plain = json.loads(digests.canonical_json(config))
-        contents = build_hierarchy(
-            replace(layout, table_chunk=old.table_chunk),
-            config=plain,
-            fingerprint=digests.fingerprint_of(plain),
-            algorithm=algorithm,
-            population={name: read_array(files, name) for name in POPULATION},
-            runtime=root.created().metadata["runtime"]["attributes"],
-            durable=bool(root.attributes["durable"]),
-        )
-        _write(files, root, contents, dict(note))
+        if plain == root.attributes["config"]:
+            return  # it was cut off before, and is complete now
+        read = described(files, root, where)
+        old = layout_of(read, root)
+        _check(root, old, layout, plain, algorithm, where)
+        check_metadata(read, root)
+        table = Table(old)
+        table.load(read, root.n_committed)
+        table.check(read, root.n_committed)
+        extended = _extended(files, root, replace(layout, table_chunk=old.table_chunk), plain, dict(note), where)
+        write_key(_durable(path, root), EXTENSION_KEY, extended.encode())
+        complete_extension(files, where)
     finally:
         lock.release()
 
 
-def _root(path: StorePath) -> Root:
-    return read_root(open_files(path, read_only=True), normalised(path))
+def finish_extension(path: StorePath, *, break_lock: bool = False) -> bool:
+    """Complete an extension that was cut off.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder or URL of the store.
+    break_lock : bool
+        Take the lock of a driver that is gone.
+
+    Returns
+    -------
+    bool
+        Whether there was one.
+    """
+    files, where = open_files(path, read_only=True), normalised(path)
+    if pending_extension(files, read_root(files, where), where) is None:
+        return False
+    lock = DriverLock(path)
+    lock.acquire(break_lock=break_lock)
+    try:
+        complete_extension(open_files(path, read_only=False), where)
+    finally:
+        lock.release()
+    return True
+
+
+def _durable(path: StorePath, root: Root) -> Store:
+    return open_files(path, read_only=False, durable=bool(root.attributes["durable"]))
+
+
+def pending_extension(files: Store, root: Root, where: str) -> Root | None:
+    """What a campaign will be whose extension was cut off; None where none was, or its file says no such thing."""
+    content = look_at(files, EXTENSION_KEY)
+    if content is None:
+        return None
+    try:
+        extended = decode_root(content, where)
+        if extended.fingerprint != root.fingerprint:  # the same: nothing but this file is left to be removed
+            old, new = (layout_without_times(r.attributes["layout"]) for r in (root, extended))
+            _check(root, old, new, extended.attributes["config"], extended.algorithm, where)
+    except StoreError:
+        return None
+    return extended if extended.n_committed == root.n_committed or extended.fingerprint == root.fingerprint else None
+
+
+def complete_extension(files: Store, where: str) -> None:
+    """Do what is left of an extension that was cut off; nothing where none was. The caller holds the lock."""
+    if look_at(files, EXTENSION_KEY) is None:
+        return
+    root = read_root(files, where)
+    extended = pending_extension(files, root, where)
+    if extended is None:  # `verify` says what lies there instead
+        return
+    if extended.fingerprint != root.fingerprint:
+        durable = open_files(where, read_only=False, durable=bool(root.attributes["durable"]))
+        contents = _contents(files, root, extended, where)
+        tables = {f"{name}/zarr.json" for name in TABLES}
+        new = [key for key in contents if key in tables or key.rpartition("/")[0] not in root.metadata]
+        for key in sorted(new, key=lambda key: (key in tables, key)):
+            if key not in (ROOT_KEY, BACKUP_KEY, RUNTIME_KEY) and look_at(files, key) != contents[key]:
+                write_key(durable, key, contents[key])
+        write_key(durable, BACKUP_KEY, extended.created().encode())
+        write_key(durable, RUNTIME_KEY, runtime_text(extended))
+        write_root(durable, extended)
+    delete_key(files, EXTENSION_KEY)
+
+
+def _extended(
+    files: Store, root: Root, layout: Layout, config: dict[str, Any], note: dict[str, Any], where: str
+) -> Root:
+    """The root of the extended campaign, with as many candidates as there are."""
+    read = described(files, root, where)
+    created = build_hierarchy(
+        layout,
+        config=config,
+        fingerprint=digests.fingerprint_of(config),
+        algorithm=root.algorithm,
+        population={name: read_static(read, root, name) for name in POPULATION},
+        runtime=root.created().metadata["runtime"]["attributes"],
+        durable=bool(root.attributes["durable"]),
+    )
+    for name, expected in root.attributes["static_digests"].items():
+        if not name.endswith("/time"):  # which every stage has: `layout_of` read one of them
+            read_static(read, root, name)
+        if json.loads(created[ROOT_KEY])["attributes"]["static_digests"].get(name) != expected:
+            raise LayoutError(f"{name} of {where} would change; an extension keeps it")
+    extended = Root(json.loads(created[ROOT_KEY]))
+    extended = extended.committed(root.n_committed, root.n_waves, root.attributes["hyperparameters"])
+    note |= {"extended_from_candidates": root.n_committed, "extended_from_fingerprint": root.fingerprint}
+    return extended.with_runtime(root.metadata["runtime"]["attributes"]).noted(note)
+
+
+def _contents(files: Store, root: Root, extended: Root, where: str) -> dict[str, bytes]:
+    """Every file that the creation of the extended campaign would have written: key -> bytes."""
+    read = described(files, root, where)
+    attributes = extended.attributes
+    layout = Layout.from_dict(attributes["layout"], layout_of(read, root).times_us)
+    return build_hierarchy(
+        layout,
+        config=attributes["config"],
+        fingerprint=extended.fingerprint,
+        algorithm=extended.algorithm,
+        population={name: read_static(read, root, name) for name in POPULATION},
+        runtime=extended.created().metadata["runtime"]["attributes"],
+        durable=bool(attributes["durable"]),
+    )
 
 
 def _check(root: Root, old: Layout, new: Layout, config: Mapping[str, Any], algorithm: str, where: str) -> None:
@@ -100,20 +218,3 @@ def _check(root: Root, old: Layout, new: Layout, config: Mapping[str, Any], algo
     kept = replace(new, stages=new.stages[: len(old.stages)], table_chunk=old.table_chunk)
     if kept.to_dict() != old.to_dict() or len(new.stages) <= len(old.stages):
         raise LayoutError(f"the stages of {where} are {old.to_dict()}; an extension adds one, and changes none of them")
-
-
-def _write(files: Any, root: Root, contents: Mapping[str, bytes], note: dict[str, Any]) -> None:
-    """New files first, then the sizes of the tables, last the root."""
-    there = set(list_keys(files))
-    tables = {f"{name}/zarr.json" for name in TABLES}
-    for key in sorted(contents, key=lambda key: (key in tables, key)):
-        if key not in there or (key in tables and read_key(files, key) != contents[key]):
-            write_key(files, key, contents[key])
-    extended = Root(json.loads(contents[ROOT_KEY]))
-    write_key(files, BACKUP_KEY, extended.encode())
-    hyperparameters = root.attributes["hyperparameters"]
-    extended = extended.committed(root.n_committed, root.n_waves, hyperparameters)
-    note |= {"extended_from_candidates": root.n_committed, "extended_from_fingerprint": root.fingerprint}
-    extended = extended.with_runtime(root.metadata["runtime"]["attributes"]).noted(note)
-    write_key(files, RUNTIME_KEY, runtime_text(extended))
-    write_root(files, extended)

@@ -9,15 +9,17 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.abc.store import Store
 
 from softclose_store import faults
 from softclose_store.disk.loop import run_here
 from softclose_store.errors import RecordError
+from softclose_store.read.described import DescribedFiles
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
 from softclose_store.schema.fields import N_SURROGATE, N_SWITCHES, PARAMETERS, RESULTS, WALL, WORDS, Field
 from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
 from softclose_store.schema.layout import Layout
+
+Arrays = Mapping[str, zarr.AsyncArray[Any]]
 
 PROPOSED = frozenset(("waveform", "n_switches", "origin", "note", "surrogate"))
 """What a proposal says."""
@@ -137,7 +139,9 @@ def _numbers(field: Field, value: Any, n: int) -> NDArray[np.float64]:
     return numbers
 
 
-def write_rows(table: Table, files: Store, arrays: Mapping[str, zarr.AsyncArray[Any]], start: int, stop: int) -> None:
+def write_rows(
+    table: Table, files: DescribedFiles, arrays: Mapping[str, zarr.AsyncArray[Any]], start: int, stop: int
+) -> None:
     """Write the chunks that hold candidates start … stop - 1 of every table.
 
     The digests go last, and of two chunks the later goes first: a first candidate of a wave that has its digest says
@@ -156,7 +160,9 @@ def write_rows(table: Table, files: Store, arrays: Mapping[str, zarr.AsyncArray[
     run_here(write(), files)
 
 
-def write_hyperparameters(arrays: Mapping[str, zarr.AsyncArray[Any]], files: Store, names: Sequence[str]) -> None:
+def write_hyperparameters(
+    arrays: Mapping[str, zarr.AsyncArray[Any]], files: DescribedFiles, names: Sequence[str]
+) -> None:
     """Write the names of the surrogate's columns."""
     padded = np.array([*names, *[""] * (N_SURROGATE - len(names))], dtype=np.dtypes.StringDType())
     run_here(arrays[HYPERPARAMETER].setitem(slice(None), padded), files)

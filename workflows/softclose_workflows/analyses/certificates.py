@@ -16,7 +16,17 @@ from numpy.typing import NDArray
 
 from softclose.metrics.objective import Judged
 from softclose.settings import CampaignConfig
-from softclose_store import GroupArray, group_attributes, list_groups, open_campaign, read_group, write_group
+from softclose_store import (
+    Campaign,
+    DamageError,
+    GroupArray,
+    ResultGroup,
+    group_attributes,
+    list_groups,
+    open_campaign,
+    read_group,
+    write_group,
+)
 from softclose_workflows.analyses.certification import (
     Certification,
     CertifyError,
@@ -57,8 +67,11 @@ def _numbers(path: str, name: str) -> tuple[int, int, int]:
     """What certifications are sorted by, smallest first; a damaged one has its name."""
     attributes = group_attributes(path, name) or {}
     in_name = _NAME.fullmatch(name)
-    n, seed = map(int, in_name.groups()) if in_name else (attributes.get("n_switches", 0), attributes.get("seed", 0))
-    return -n, -int(attributes.get("committed", 0)), seed
+    said = [attributes.get(key) for key in ("n_switches", "committed", "seed")]
+    n, committed, seed = (value if isinstance(value, int) else 0 for value in said)
+    if in_name:
+        n, seed = map(int, in_name.groups())
+    return -n, -committed, seed
 
 
 def read_certification(path: str) -> Certification | None:
@@ -71,6 +84,16 @@ def read_certificate(path: str, name: str) -> Certification:
     """The certification in one group; raises StoreMissingError or DamageError."""
     group = read_group(path, name)
     campaign = open_campaign(path)
+    try:
+        return _certification(campaign, group)
+    except (KeyError, IndexError, TypeError, AttributeError, CertifyError) as e:
+        raise DamageError(
+            f"group {name} of {path} is no certification ({type(e).__name__}: {e}): run `softclose verify {path} "
+            "--repair`, or delete that group"
+        ) from e
+
+
+def _certification(campaign: Campaign, group: ResultGroup) -> Certification:
     config = CampaignConfig.from_dict(campaign.config)
     a = group.arrays
     names = [str(name) for name in a["name"]]

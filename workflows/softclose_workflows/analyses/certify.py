@@ -19,7 +19,7 @@ from softclose.metrics.objective import Judged
 from softclose.opening import Opening, OpeningError, Openings, assess_opening, joined, let_go
 from softclose.settings import CampaignConfig
 from softclose.waveform import Drive, FloatArray, Waveform
-from softclose_store import Campaign, DamageError, StoreMissingError, group_attributes, open_campaign
+from softclose_store import Campaign, StoreMissingError, group_attributes, open_campaign
 from softclose_workflows.analyses.certificates import STREAM as STREAM
 from softclose_workflows.analyses.certificates import name_of, read_certificate, request_of, write_certificate
 from softclose_workflows.analyses.certificates import read_certification as read_certification
@@ -131,10 +131,11 @@ def check_size(config: CampaignConfig, n_switches: int, top: int) -> None:
 
 
 def _stored(path: str, name: str) -> Certification | None:
+    """What is certified there; None where nothing is. What is damaged says no more which candidates it had."""
     try:
         return read_certificate(path, name)
-    except (StoreMissingError, DamageError):
-        return None  # a damaged one is a pure function of its request: it is computed again
+    except StoreMissingError:
+        return None
 
 
 def certified_on(

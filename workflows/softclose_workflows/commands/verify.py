@@ -50,9 +50,17 @@ def verify(
         "blocks": report.n_blocks,
         "damage": [str(p) for p in report.problems],
         "left_behind": list(report.orphans),
+        "extension": report.extension,
     }
     lines += [f"damage: {problem}" for problem in report.problems]
-    lines.append(f"{report.n_committed} candidates and {report.n_blocks} blocks read: {_verdict(len(report.problems))}")
+    lines.append(
+        f"{report.n_committed} candidates and {report.n_blocks} blocks read: {_verdict(len(report.problems), store)}"
+    )
+    if report.extension:
+        lines.append(
+            f"an extension to {report.extension} candidates was cut off: harmless, `softclose resume` and --repair "
+            "complete it"
+        )
     if report.orphans:
         lines.append(f"{len(report.orphans)} temporary files left behind by a kill: harmless, --repair removes them")
     if n_replay is not None and ok:
@@ -72,5 +80,5 @@ def verify(
         ctx.exit(1)
 
 
-def _verdict(n: int) -> str:
-    return "all as written" if n == 0 else f"{n} damaged; `softclose verify --repair` computes them again"
+def _verdict(n: int, store: str) -> str:
+    return "all as written" if n == 0 else f"{n} damaged; `softclose verify {store} --repair` computes them again"

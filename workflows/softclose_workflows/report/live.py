@@ -82,7 +82,7 @@ class Folder:
             for name, path in self.stores().items():
                 try:
                     holder = lock_holder(path)
-                    version = (path / "zarr.json").stat().st_mtime_ns, holder
+                    version = (path / "zarr.json").lstat().st_mtime_ns, holder
                 except OSError:
                     continue
                 if self._known.get(path, (None,))[0] != version:

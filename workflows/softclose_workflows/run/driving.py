@@ -13,7 +13,7 @@ from softclose import ALGORITHM
 from softclose.device.protocol import measured
 from softclose.plugins import MEASURED
 from softclose.settings import CampaignConfig
-from softclose_store import DamageError, DriverStore, StoreError, open_campaign, store_state, verify
+from softclose_store import DamageError, DriverStore, StoreError, finish_extension, open_campaign, store_state, verify
 from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
@@ -46,6 +46,8 @@ def drive(
 def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, break_lock: bool, quiet: bool) -> None:
     with stop_on_signals() as stop, contextlib.ExitStack() as stack:
         state = store_state(path)
+        if state.finished and finish_extension(path, break_lock=break_lock):
+            state = store_state(path)
         is_new = state.kind in ("absent", "unfinished")
         whole = config if config is not None else CampaignConfig.from_dict(open_campaign(path).config)
         if whole.model.name == MEASURED and not state.finished:

@@ -70,7 +70,10 @@ def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings
     config = CampaignConfig.from_dict(campaign.config)
     if not config.opening.is_designed:
         return None
-    stored = _stored(path, config, candidate)
+    try:
+        stored = read_opening(path, candidate)
+    except DamageError:  # a pure function of the campaign: it comes out the same again
+        stored = None
     if stored is not None:
         return stored
     found = _design(campaign, config, candidate, threads)
@@ -85,15 +88,16 @@ def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings
 
 
 def read_opening(path: str, candidate: int) -> Openings | None:
-    """The stored opening of a candidate; None where there is none, or it is damaged: it is designed again then."""
-    return _stored(path, CampaignConfig.from_dict(open_campaign(path).config), candidate)
-
-
-def _stored(path: str, config: CampaignConfig, candidate: int) -> Openings | None:
+    """The stored opening of a candidate; None where there is none. Raises DamageError."""
+    config, name = CampaignConfig.from_dict(open_campaign(path).config), name_of(candidate)
     try:
-        return openings_of(config, read_group(path, name_of(candidate)).arrays)
-    except (StoreMissingError, DamageError):
+        return openings_of(config, read_group(path, name).arrays)
+    except StoreMissingError:
         return None
+    except (KeyError, IndexError, TypeError) as e:
+        raise DamageError(
+            f"group {name} of {path} is no opening ({type(e).__name__}: {e}): run `softclose verify {path} --repair`"
+        ) from e
 
 
 def _design(campaign: Campaign, config: CampaignConfig, candidate: int, threads: int) -> Openings:

@@ -1,0 +1,17 @@
+"""Owns the comparison of arrays' own metadata, by which other programs read a store, with what was written."""
+
+from __future__ import annotations
+
+from softclose_store.disk.files import look_at
+from softclose_store.read.described import DescribedFiles
+from softclose_store.schema.hierarchy import metadata_digest
+from softclose_store.schema.root import RUNTIME_KEY, Root
+
+
+def check_metadata(files: DescribedFiles, root: Root) -> None:
+    """Raise DamageError where the metadata of an array or a stage are not what was written."""
+    keys = sorted(key for key in files.documents if key.endswith("/zarr.json") and key != RUNTIME_KEY)
+    contents = {key: look_at(files.inner, key) or b"" for key in keys}
+    if metadata_digest(contents) != root.attributes["metadata_digest"]:
+        wrong = [key for key in keys if contents[key] != files.documents[key]] or keys
+        raise files.damage(wrong[0], "is not what was written" if contents[wrong[0]] else "is missing, or no file")

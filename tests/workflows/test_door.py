@@ -1,0 +1,217 @@
+"""Claims about the one door: what a store holds is checked before it is believed, and nothing leads out of it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from door import DAMAGES, KINDS, READING, SORTS, WRITING, Case, contents, make_cases, run_case
+from small_campaigns import finish
+from softclose_store import DamageError, list_groups, open_campaign, repair, verify
+from softclose_store.disk import below
+from softclose_workflows.analyses.certify import certify_again
+from softclose_workflows.analyses.recompute import recompute
+from softclose_workflows.run.driving import drive
+from softclose_workflows.run.executors import Placement
+from softclose_workflows.run.extension import extend
+from stores import differences
+
+QUICK = ("status", "export ensemble", "rescore", "resume")
+"""Commands of the short tests: they read records, lot, motion and responses."""
+
+
+@pytest.fixture(scope="module")
+def certified(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return make_cases(tmp_path_factory.mktemp("certified"), ["certified"])["certified"]
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Case]:
+    return make_cases(tmp_path_factory.mktemp("sorts"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_one_damaged_file_is_refused_by_name_or_makes_no_difference(
+    damage: str, certified: Case, tmp_path: Path
+) -> None:
+    kinds = [kind for kind in KINDS if kind in certified.kinds]
+    at = list(DAMAGES).index(damage)
+    commands = {name: (READING | WRITING)[name] for name in QUICK}
+    for kind in (kinds[at % len(kinds)], kinds[(at + 8) % len(kinds)]):
+        assert run_case(certified, kind, damage, commands, tmp_path) == []
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("sort", SORTS)
+def test_every_damage_of_every_file_of_every_sort(sort: str, cases: dict[str, Case], tmp_path: Path) -> None:
+    """Every kind and damage on each sort; of the commands all on a plain store, elsewhere those in turn."""
+    assert set().union(*(case.kinds for case in cases.values())) == set(KINDS)
+    case, wrong = cases[sort], []
+    commands = list((READING | WRITING).items())
+    for k, kind in enumerate(case.kinds):
+        for d, damage in enumerate(DAMAGES):
+            chosen = commands if sort == "plain" else [commands[(3 * k + 5 * d + n) % len(commands)] for n in range(2)]
+            wrong += run_case(case, kind, damage, dict(chosen), tmp_path)
+    assert wrong == []
+
+
+class Dying:
+    """Stands for `os` at the door: the process ends before its k-th rename or removal, as by SIGKILL."""
+
+    def __init__(self, at: int) -> None:
+        self.at = at
+        self.count = 0
+
+    def __getattr__(self, name: str) -> Any:
+        real = getattr(os, name)
+        if name not in ("replace", "rename", "unlink", "rmdir"):
+            return real
+
+        def operation(*arguments: Any, **named: Any) -> Any:
+            self.count += 1
+            if self.count == self.at:
+                os._exit(9)
+            return real(*arguments, **named)
+
+        return operation
+
+
+@contextmanager
+def dying(at: int) -> Iterator[Dying]:
+    with pytest.MonkeyPatch.context() as patch:
+        fake = Dying(at)
+        patch.setattr(below, "os", fake)
+        yield fake
+
+
+def killed_at(at: int, work: Callable[[], Any]) -> bool:
+    """Do something in a process that ends before its k-th rename or removal; whether it did."""
+    child = os.fork()
+    if child == 0:
+        try:
+            with dying(at):
+                work()
+        except BaseException:
+            import traceback
+
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    assert code in (0, 9), code
+    return code == 9
+
+
+def damaged_group(path: Path) -> None:
+    """One flipped byte in a certificate."""
+    name = list_groups(path)[0]
+    file = path / name / "max_contact_speed" / "c" / "0" / "0"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+
+
+def damaged_widely(path: Path) -> None:
+    """A table, a block, its marker, the population, an array's metadata; a stray."""
+    for key in ("K/c.0", "records/c.0.0", "search/block_digest/c.0.0.0", "search/x/c.1.0.0", "records/zarr.json"):
+        (path / key).unlink()
+    (path / "notes.txt").write_text("mine")
+
+
+def mend(path: Path) -> None:
+    assert repair(path, recompute()).ok
+
+
+def again(path: Path) -> None:
+    certify_again(str(path), list_groups(path)[0])
+
+
+def longer(path: Path) -> None:
+    extend(str(path), open_campaign(path).budget + 4 if open_campaign(path).finished else open_campaign(path).budget)
+
+
+WORKS: dict[str, tuple[Callable[[Path], None], Callable[[Path], None]]] = {
+    "repair of a group": (damaged_group, mend),
+    "repair of everything": (damaged_widely, mend),
+    "group written again": (damaged_group, again),
+    "extension": (lambda path: None, longer),
+}
+"""What is done to a store first, and the work within which it is killed."""
+
+
+def _kill_within(name: str, case: Case, folder: Path, step: int) -> None:
+    before, work = WORKS[name]
+    path = folder / "a.zarr"
+
+    def made() -> Path:
+        for place in (path, folder / "a.zarr.strays"):
+            shutil.rmtree(place, ignore_errors=True)
+        shutil.copytree(case.whole, path)
+        before(path)
+        return path
+
+    made()
+    with dying(0) as counted:
+        work(path)
+    finish(path)
+    whole = contents(path)
+    assert counted.count > 3
+    for at in range(1, counted.count + 1, step):
+        assert killed_at(at, lambda: work(made()))
+        for first in ("repair", "resume"):
+            copy = folder / "copy.zarr"
+            for place in (copy, folder / "copy.zarr.strays"):
+                shutil.rmtree(place, ignore_errors=True)
+            shutil.copytree(path, copy)
+            if first == "repair" or name != "extension":
+                mend(copy)
+            drive(str(copy), Placement(serial=True), quiet=True)
+            assert verify(copy).ok, (name, at, first)
+            assert verify(copy).orphans == () or first == "resume"
+            if name != "extension" or open_campaign(copy).budget > open_campaign(case.whole).budget:
+                now = contents(copy)
+                other = [k for k in whole if now.get(k) != whole[k] and not _of_the_clock(k)]
+                assert other == [], (name, at, first, other)
+            else:
+                assert differences(copy, case.whole) == []
+
+
+def _of_the_clock(key: str) -> bool:
+    return key in ("zarr.json", "runtime/zarr.json", "digests/root.json") or key.startswith("wall_times/c")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WORKS)
+def test_a_kill_within_repair_extension_or_a_group_is_mended(name: str, certified: Case, tmp_path: Path) -> None:
+    _kill_within(name, certified, tmp_path, step=13)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("name", WORKS)
+def test_a_kill_at_every_rename_and_removal_is_mended(name: str, certified: Case, tmp_path: Path) -> None:
+    _kill_within(name, certified, tmp_path, step=1)
+
+
+def test_a_lock_that_leads_elsewhere_is_not_written_through(certified: Case, tmp_path: Path) -> None:
+    path = Path(shutil.copytree(certified.whole, tmp_path / "a.zarr"))
+    outside = tmp_path / "precious"
+    outside.write_text("mine")
+    lock = path / "digests" / "driver.lock"
+    lock.symlink_to(outside)
+    assert any("driver.lock does not belong" in str(p) for p in verify(path).problems)
+    with pytest.raises(DamageError, match=r"driver.lock is a link"):
+        longer(path)
+    mend(path)
+    lock.hardlink_to(outside)
+    longer(path)
+    assert outside.read_text() == "mine"
+    assert open_campaign(path).budget > open_campaign(certified.whole).budget
