@@ -71,7 +71,10 @@ class Below:
         Raises FileNotFoundError, and NotPlainError where something else stands in the place of a folder.
         """
         *folders, name = parts_of(key)
-        folder = os.open(self.root, _FOLDER)
+        try:
+            folder = os.open(self.root, _FOLDER)
+        except NotADirectoryError as e:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), self.root) from e
         try:
             for k, part in enumerate(folders):
                 try:
