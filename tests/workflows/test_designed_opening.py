@@ -15,7 +15,7 @@ from softclose.evaluate import N_PARAMETERS, judge, respond
 from softclose.opening import Released, judge_opening
 from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.waveform import Waveform
-from softclose_store import open_campaign
+from softclose_store import DamageError, open_campaign
 from softclose_workflows.analyses.certify import certify, fresh_switches, read_certification
 from softclose_workflows.cli import main
 from softclose_workflows.report.gather import gather
@@ -152,7 +152,8 @@ def test_damage_is_repaired_to_the_same_bits(certified: str, best: int) -> None:
     assert before
     for p in victims[:2]:
         p.write_bytes(b"x")
-    assert read_opening(certified, best) is None, "nothing damaged is read"
+    with pytest.raises(DamageError, match=f"group opening/{best} of .* is damaged"):  # nothing damaged is read
+        read_opening(certified, best)
     assert f"opening/{best}" in _softclose("verify", certified, code=1).output
     _softclose("verify", certified, "--repair")
     assert {p: p.read_bytes() for p in victims} == before
