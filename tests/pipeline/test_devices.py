@@ -9,7 +9,7 @@ import pytest
 
 from softclose import Pulse, Waveform, load_population
 from softclose.evaluate import evaluate
-from softclose.population.calibrate import calibrate, refitted
+from softclose.population.calibrate import calibrate, plausible_populations
 from softclose.population.measurements import Measurements
 from softclose.population.population import Population, switches_from_parameters
 from softclose.settings import load_config
@@ -66,9 +66,10 @@ def test_lots_are_judged_on_the_same_uniforms_and_seeds_repeat() -> None:
     assert len(np.unique(first.v_u_cm_s)) == 20
 
 
-def test_a_refitted_lot_keeps_known_bounds_and_its_plate() -> None:
+def test_a_plausible_lot_keeps_known_bounds_and_its_plate() -> None:
     lot = _fitted(30, 1)
-    found = refitted(lot, 30, seed=5, bounds=BOUNDS)
+    (found,) = plausible_populations(lot, 30, 1, seed=5, bounds=BOUNDS)
+    assert found is not None
     assert (found.D.lower, found.D.upper, found.G.lower, found.G.upper) == (2.3, 2.7, 3.6, 3.9)
     assert found.plate_area() == lot.plate_area()
     assert found.T != lot.T

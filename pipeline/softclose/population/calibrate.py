@@ -7,7 +7,7 @@ were measured, K or the pull-in voltage and f are fitted instead, by Betas.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 
 from softclose.population import copula
 from softclose.population.copula import Correlation
-from softclose.population.distributions import PopulationError
+from softclose.population.distributions import Bounded, PopulationError
 from softclose.population.files import write_population
-from softclose.population.fit import Fit, Kind, estimate, fit
+from softclose.population.fit import Fit, fit, may_be
+from softclose.population.marginals import Marginal
 from softclose.population.measurements import MeasurementError, Measurements
+from softclose.population.plausible import Kind
 from softclose.population.population import UNITS, VARIABLES, Population
 from softclose.switch.plate import PLATE_AREA_UM2, modulus, stiffness_from_pull_in
 
@@ -205,20 +207,42 @@ def correlations(
     return found, pairs, True
 
 
-def refitted(
-    population: Population, n: int, *, seed: int, bounds: Mapping[str, tuple[float, float]] | None = None
-) -> Population:
-    """The population that n other devices of it would have been taken for: drawn, measured without error, and fitted.
+def plausible_populations(
+    population: Population,
+    n: int,
+    n_lots: int,
+    *,
+    seed: int,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> Iterator[Population | None]:
+    """n_lots populations that n devices may have come from which a population was fitted to, measured without error.
 
-    Raises PopulationError where they are none.
+    None in the place of one that is none (D must stay below G). bounds: of variables that were known, not fitted.
+    Correlations are those of as many devices drawn from the population.
     """
-    devices = population.sample_parameters(n, seed=seed)
     known = dict(bounds or {})
-    found: dict[str, Any] = {
-        v: estimate(x, KINDS[v], known.get(v)) for v, x in zip(population.variables, devices.T, strict=True)
+    fitted = dict(zip(population.variables, population.marginals(), strict=True))
+    lots = {
+        v: may_be(_fitted(fitted[v], v), n, KINDS[v], known.get(v), n_lots=n_lots, seed=seed, stream=stream).lots
+        for stream, v in enumerate(population.variables)
     }
-    _, pairs, _ = correlations(devices, population.variables)
-    return replace(population, correlation=pairs, **found)
+    for k in range(n_lots):
+        devices = population.sample_parameters(n, seed=seed + 1 + k)
+        _, pairs, _ = correlations(devices, population.variables)
+        found: dict[str, Any] = {v: of[k] for v, of in lots.items()}
+        try:
+            yield replace(population, correlation=pairs, **found)
+        except PopulationError:
+            yield None
+
+
+def _fitted(marginal: Marginal, variable: str) -> Bounded:
+    if not isinstance(marginal, Bounded):
+        raise PopulationError(
+            f"{variable} is no Beta and not uniform; what a few devices leave open is known of fitted variables "
+            "(softclose calibrate)"
+        )
+    return marginal
 
 
 def write_calibration(calibration: Calibration, path: str | Path) -> None:
@@ -227,7 +251,7 @@ def write_calibration(calibration: Calibration, path: str | Path) -> None:
         calibration.population.description,
         f"{'E' if calibration.population.E else 'K and M'} of each device with a plate area of "
         f"{calibration.population.plate_area():g} µm²; campaigns with this population use that area",
-        f"fitted number: value [{calibration.confidence:.0%} bootstrap interval]",
+        f"fitted number: value [{calibration.confidence:.0%} interval]",
     ]
     for v, f in calibration.fits.items():
         lines.append(f"{v} [{UNITS[v]}], {KINDS[v]}; Cramér-von Mises {f.statistic:.4f}, p = {f.p_value:.3f}")

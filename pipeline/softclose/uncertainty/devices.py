@@ -1,8 +1,8 @@
 """Owns how sure a waveform's figures are where the lot is known from a few measured devices only.
 
-Parametric bootstrap: the fitted lot is taken for the truth, as many devices are drawn from it, the lot is fitted to
-them again, and the waveform is judged on that lot; over and over. What the figures vary by is what the devices leave
-open. All lots are judged on the same uniforms, so that the luck of an ensemble is not in it.
+The waveform is judged on every lot that the devices may have come from (`softclose.population.plausible`). What the
+figures vary by is what the devices leave open. All lots are judged on the same uniforms, so that the luck of an
+ensemble is not in it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ import numpy as np
 from softclose.evaluate import evaluate
 from softclose.metrics.intervals import Interval
 from softclose.metrics.objective import Assessment
-from softclose.population.calibrate import refitted
-from softclose.population.distributions import PopulationError
+from softclose.population.calibrate import plausible_populations
 from softclose.population.population import Population, index_uniforms
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
@@ -47,7 +46,7 @@ class Propagated:
     g_cm_s: FloatArray
     """(n_lots,) objective on each [cm/s]."""
     n_failed: int
-    """Draws of devices that no population fits; they are left out."""
+    """Lots that are no population (D must stay below G); they are left out."""
     confidence: float
     """Of the intervals."""
 
@@ -117,12 +116,13 @@ def propagate(
 
     figures = np.full((3, n_lots), math.nan)
     failed = 0
-    for k in range(n_lots):
-        try:
-            a = judged(refitted(population, n_devices, seed=seed + 1 + k, bounds=bounds))
-            figures[:, k] = a.v_u_cm_s, a.p_nc, a.g_cm_s
-        except PopulationError:
+    lots = plausible_populations(population, n_devices, n_lots, seed=seed, bounds=bounds)
+    for k, lot in enumerate(lots):
+        if lot is None:
             failed += 1
+        else:
+            a = judged(lot)
+            figures[:, k] = a.v_u_cm_s, a.p_nc, a.g_cm_s
         if listener is not None:
             listener(k + 1, n_lots)
     if failed > 0.5 * n_lots:

@@ -37,6 +37,7 @@ STREAM = 7_300_000
 LEAST = 1e-12
 """A probability below it is none: distributions with bounds have an end."""
 
+_NEVER = "no failure was met: the lot ends before the limit, or it is rarer than this method sees"
 _LEVELS = 4
 _PART = 100_000
 _SCOUTS = 4096
@@ -128,6 +129,8 @@ def tail(
         raise TailError(f"the relative error is {relative_error:g}; it must lie between 0 and 1 (0.05 is usual)")
     if not 0.0 < confidence < 1.0:
         raise TailError(f"the confidence is {confidence:g}; it must lie between 0 and 1 (0.95 is usual)")
+    if any(method != "brute" for method in methods):
+        _openturns()  # before anything is simulated
     space = _Space(config, waveform, event, limit_cm_s, threads)
     found = []
     for method in methods:
@@ -136,6 +139,13 @@ def tail(
             continue
         found.append(_reliability(space, method, relative_error, confidence, seed))
     return tuple(found)
+
+
+def _none(space: _Space, method: Method, note: str) -> Tail:
+    """The row of a method that finds no answer, so that the others keep theirs."""
+    return Tail(
+        method=method, probability=math.nan, interval=(math.nan, math.nan), n_switches=space.n, note=note
+    )  # fmt: skip
 
 
 class _Space:
@@ -184,7 +194,7 @@ def _brute(space: _Space, n: int, confidence: float, seed: int) -> Tail:
 
 def _reliability(space: _Space, method: Method, relative_error: float, confidence: float, seed: int) -> Tail:
     if space.trim is not None and space.trim.measured == "contact times":
-        raise TailError("drives trimmed by contact times have no standard normal space: use the method brute")
+        return _none(space, method, "drives trimmed by contact times have no standard normal space: use brute")
     ot = _openturns()
     space.n = 0
     ot.RandomGenerator.SetSeed(seed)
@@ -200,14 +210,12 @@ def _reliability(space: _Space, method: Method, relative_error: float, confidenc
             algorithm.setMaximumOuterSampling(max(4, math.ceil(9.0 * _LEVELS * 2.0 / relative_error**2 / 1000.0)))
             algorithm.setMaximumCoefficientOfVariation(relative_error)
             algorithm.setMinimumProbability(LEAST)
-            algorithm.run()
-            return _sampled(space, method, algorithm.getResult(), confidence, _of_chains(algorithm))
+            return _subset(space, algorithm, confidence)
         points = _failure_points(space, seed)
         if points is None:
-            return Tail(
-                method=method, probability=math.nan, interval=(math.nan, math.nan), n_switches=space.n,
-                note="no failure was found to search its most probable point from; use brute or subset",
-            )  # fmt: skip
+            return _none(
+                space, method, "no failure was found to search its most probable point from; use brute or subset"
+            )
         if method == "importance":
             return _importance(ot, space, event, points, relative_error, confidence)
         return _first_or_second_order(ot, space, method, event, points[0])
@@ -265,8 +273,7 @@ def _first_or_second_order(ot: Any, space: _Space, method: Method, event: Any, s
         beta = float(result.getHasoferReliabilityIndex())
         probability = float(result.getEventProbability() if method == "form" else result.getEventProbabilityBreitung())
     except (RuntimeError, TypeError, ValueError) as e:
-        reason = str(e).splitlines()[0].removeprefix("Exception : ").split(":")[0]
-        return Tail(method=method, probability=math.nan, interval=(math.nan, math.nan), n_switches=space.n, note=reason)
+        return _none(space, method, _reason(e))
     value = float(space(np.array([point]))[0, 0])
     scale = max(abs(space.threshold), 1.0)
     note = "" if abs(value - space.threshold) < 0.02 * scale else (
@@ -294,13 +301,43 @@ def _importance(
     return _sampled(space, "importance", algorithm.getResult(), confidence)
 
 
+def _subset(space: _Space, algorithm: Any, confidence: float) -> Tail:
+    """Subset sampling. Its first level is a plain sample, of whose variation OpenTURNS reports nothing.
+
+    Where the first level is the only one, failures are counted in it: Clopper and Pearson. Else its variation is that
+    of the share beyond its threshold, and joins that of the chains of the other levels.
+    """
+    try:
+        algorithm.run()
+    except RuntimeError as e:
+        if "too small" not in str(e):
+            return _none(space, "subset", _reason(e))
+        return Tail(
+            method="subset", probability=0.0, interval=(0.0, math.nan), n_switches=space.n, note=_NEVER
+        )  # fmt: skip
+    result, steps = algorithm.getResult(), int(algorithm.getStepsNumber())
+    n = int(result.getOuterSampling()) * int(algorithm.getBlockSize()) // steps
+    first = float(algorithm.getProbabilityEstimatePerStep()[0])
+    if steps == 1:
+        interval = clopper_pearson(round(first * n), n, confidence)
+        return Tail(method="subset", probability=first, interval=interval, n_switches=space.n)
+    return _sampled(
+        space, "subset", result, confidence, math.hypot(math.sqrt((1.0 - first) / (n * first)), _of_chains(algorithm))
+    )
+
+
 def _of_chains(algorithm: Any) -> float:
-    """Coefficient of variation of subset sampling with levels that err alike, as one's chains start from another's.
+    """Coefficient of variation of subset sampling's later levels, which err alike: one's chains start from another's.
 
     Au and Beck's (2001) upper bound: the sum over the levels instead of the root of the sum of squares.
     """
     whole = np.asarray(algorithm.getCoefficientOfVariationPerStep(), dtype=np.float64).reshape(-1)
-    return float(np.sqrt(np.maximum(np.diff(whole**2, prepend=0.0), 0.0)).sum())
+    return float(np.sqrt(np.maximum(np.diff(whole**2), 0.0)).sum())
+
+
+def _reason(e: Exception) -> str:
+    """The first line of what OpenTURNS says."""
+    return str(e).splitlines()[0].removeprefix("Exception : ").split(":")[0]
 
 
 def _sampled(space: _Space, method: Method, result: Any, confidence: float, variation: float | None = None) -> Tail:
@@ -310,7 +347,7 @@ def _sampled(space: _Space, method: Method, result: Any, confidence: float, vari
     if p <= LEAST:
         return Tail(
             method=method, probability=0.0, interval=(0.0, math.nan), n_switches=space.n,
-            note="no failure was met: the lot ends before the limit, or it is rarer than this method sees",
+            note=_NEVER,
         )  # fmt: skip
     factor = math.exp(normal_quantile(confidence) * variation)
     return Tail(method=method, probability=p, interval=(p / factor, min(p * factor, 1.0)), n_switches=space.n)
