@@ -149,7 +149,7 @@ def test_every_problem_is_listed_at_once() -> None:
 
 
 def test_files_that_are_missing_or_malformed_are_told_with_their_path(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"no configuration file at .*absent\.toml"):
+    with pytest.raises(ConfigError, match=r"the configuration .*absent\.toml cannot be read: there is no such file"):
         load_config(tmp_path / "absent.toml")
     bad = tmp_path / "bad.toml"
     bad.write_text("[campaign\nseed = 1\n")

@@ -17,7 +17,7 @@ def table() -> Table:
     made = Table(title="Certified", caption="95 % intervals")
     made.add_column("design")
     made.add_column("waveform", min_width=20)
-    for name in ("v_u \\[cm/s]", "g \\[cm/s]"):
+    for name in ("v_u [cm/s]", "g [cm/s]"):
         made.add_column(name, justify="right", no_wrap=True)
     made.add_row(
         "candidate 7170, incumbent", "84.95 V from 0.00 µs, rise 4.00 µs", "13.82 (13.75–13.89)", "14.49 (14.40–14.57)"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+import re
 import sys
 from typing import Any
 
@@ -17,6 +19,7 @@ from softclose_workflows.errors import (
     StoreGoneError,
     machine_faults,
 )
+from softclose_workflows.terminal import say
 
 EPILOG = """\b
 Examples:
@@ -34,6 +37,10 @@ is lost and `softclose resume STORE` continues.
 
 class Group(click.Group):
     """Turns this project's own errors into one message and an exit code."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Expand `~` where a shell leaves it: `--store=~/a.zarr`, `--set population.name=~/lot.toml`, in quotes."""
+        return super().parse_args(ctx, [_HOME.sub(_expanded, argument) for argument in args])
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a fault of the program itself keeps its traceback."""
@@ -56,6 +63,13 @@ class Group(click.Group):
             ctx.exit(EXIT_DAMAGED if isinstance(e, DamageError) else EXIT_BAD_INPUT)
 
 
+_HOME = re.compile(r"^(?P<before>(?:--?[A-Za-z][\w-]*=)?(?:[\w.]+=)?)(?P<path>~(?:/.*)?)$", re.DOTALL)
+
+
+def _expanded(found: re.Match[str]) -> str:
+    return found["before"] + os.path.expanduser(found["path"])
+
+
 def _trace(ctx: click.Context) -> None:
     """With --verbose: where the error came from."""
     if ctx.params.get("verbose"):
@@ -65,7 +79,7 @@ def _trace(ctx: click.Context) -> None:
 
 
 def _say(message: str) -> None:
-    click.echo(f"softclose: {message}", err=True)
+    say(f"softclose: {message}", err=True)
 
 
 @click.group(cls=Group, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})

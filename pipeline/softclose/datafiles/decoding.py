@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from softclose.datafiles.errors import TableError
+from softclose.tables import at_home
 
 MOST_BYTES = 512 * 2**20
 """A larger file is refused before it is read: lines take some ten times as much memory."""
@@ -39,7 +40,7 @@ class Text:
 
 def decoded(path: str | Path) -> Text:
     """Read a file. Raises TableError where it is none, too large, binary, or broken in its encoding."""
-    file = Path(path)
+    file = at_home(path)
     try:
         if not file.is_file():  # a pipe or a device would never end
             raise TableError(f"{path} cannot be read: {'it is not a plain file' if file.exists() else 'no such file'}")

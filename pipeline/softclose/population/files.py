@@ -6,7 +6,6 @@ A file gives D, G, E and T, or a `base` and what differs from it. See `shipped/`
 from __future__ import annotations
 
 import functools
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib import resources
@@ -21,7 +20,7 @@ from softclose.population.laws import LAWS, UNITS
 from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.population.population import Population
 from softclose.switch.plate import A1, mass, stiffness
-from softclose.tables import check_keys, finite_number
+from softclose.tables import at_home, check_keys, finite_number, parsed_tables, read_tables
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
@@ -89,22 +88,19 @@ def _read(source: str | Path, seen: tuple[str, ...]) -> Population:
         )
         folder = None
     else:
-        path = Path(source)
+        path = at_home(source)
         if path.suffix != ".toml" and not path.exists():
             raise PopulationError(
                 f"no population is called {str(source)!r}; {did_you_mean(str(source), SHIPPED)}"
                 f"known: {', '.join(SHIPPED)}, or give the path of a TOML file"
             )
-        try:
-            label, text, folder = str(path), path.read_text("utf-8"), path.parent
-        except (OSError, UnicodeDecodeError) as e:
-            raise PopulationError(f"the population file {path} cannot be read: {e}") from e
+        label, folder = str(path), path.parent
     if label in seen:
         raise PopulationError(f"{label}: populations are based on each other in a circle: {' -> '.join(seen)}")
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as e:
-        raise PopulationError(f"{label} is not valid TOML: {e}") from e
+    if folder is None:
+        data = parsed_tables(text, label, PopulationError)
+    else:
+        data = read_tables(path, "the population file", PopulationError)
     try:
         base = None
         if "base" in data:

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from softclose.naming import did_you_mean
+from softclose.tables import at_home
 
 FOLDER = Path(__file__).parent
 
@@ -29,7 +30,7 @@ def find_named(source: str | os.PathLike[str], folder: Path, what: str) -> Path:
     names = sorted(p.stem for p in folder.glob("*.toml"))
     if not isinstance(source, str | os.PathLike):
         raise PresetError(f"{source!r} is no {what} or file; give a TOML file, or one of {', '.join(names)}")
-    path = Path(source)
+    path = at_home(source)
     if path.suffix == ".toml" or path.is_file():
         return path
     name = os.fspath(source)

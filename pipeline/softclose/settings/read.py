@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from softclose.presets import PresetError, find_preset
 from softclose.settings.config import CampaignConfig, validated
 from softclose.settings.errors import ConfigError
 from softclose.settings.overrides import apply, texts
+from softclose.tables import at_home, read_tables
 
 
 def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> CampaignConfig:
@@ -46,7 +46,9 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
         if not isinstance(table, dict):
             continue
         name = table.get(key)
-        if where is not None and isinstance(name, str) and name.endswith(".toml") and not Path(name).is_absolute():
+        if isinstance(name, str) and name.startswith("~"):
+            table[key] = str(at_home(name))
+        elif where is not None and isinstance(name, str) and name.endswith(".toml") and not Path(name).is_absolute():
             beside = where.parent / name
             if beside.exists():
                 table[key] = str(beside)
@@ -61,15 +63,8 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Parse one TOML file; raises ConfigError with the path and the position."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as e:
-        raise ConfigError(f"no configuration file at {path}") from e
-    except (OSError, UnicodeDecodeError) as e:
-        raise ConfigError(f"cannot read {path}: {e}") from e
-    except tomllib.TOMLDecodeError as e:
-        raise ConfigError(f"{path} is not valid TOML: {e}") from e
+    """Parse one TOML file. Raises ConfigError with the path and the position."""
+    return read_tables(at_home(path), "the configuration", ConfigError)
 
 
 def _copy(source: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ C(x; G) = (G0 / G) C0(x G0 / G).
 from __future__ import annotations
 
 import math
-import tomllib
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.tables import check_keys, finite_number
+from softclose.tables import at_home, check_keys, finite_number, read_tables
 
 FloatArray = NDArray[np.float64]
 
@@ -212,12 +212,11 @@ def read_reduced_order(path: str | Path) -> ReducedOrder:
     ReducedOrderError
         Naming the file and what is wrong in it.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise ReducedOrderError(f"{path!r} is no file; give the path of a TOML file")
+    tables = read_tables(at_home(path), "the reduced-order model", ReducedOrderError)
     try:
-        return ReducedOrder.from_dict(tomllib.loads(Path(path).read_text("utf-8")))
-    except (OSError, UnicodeDecodeError) as e:
-        raise ReducedOrderError(f"the reduced-order model {path} cannot be read: {e}") from e
-    except tomllib.TOMLDecodeError as e:
-        raise ReducedOrderError(f"{path} is not valid TOML: {e}") from e
+        return ReducedOrder.from_dict(tables)
     except ReducedOrderError as e:
         raise ReducedOrderError(f"{path}: {e}") from e
 

@@ -40,7 +40,7 @@ def local_path(path: StorePath) -> Path | None:
     if not text.strip():
         raise StoreError("the store's path is empty; give a directory to create, or a URL such as s3://bucket/name")
     if "://" not in text:
-        return Path(text)
+        return Path(text).expanduser() if text.startswith("~") else Path(text)
     if text.startswith("file://"):
         return Path(unquote(urlparse(text).path))
     return None

@@ -70,7 +70,7 @@ def print_drift(chosen: Chosen, found: Drift, n_switches: int) -> None:
         title_justify="left",
     )
     table.add_column("drift", justify="right", no_wrap=True)
-    for column in ("v_u \\[cm/s]", "change", "p_nc", "change", "g \\[cm/s]"):
+    for column in ("v_u [cm/s]", "change", "p_nc", "change", "g [cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for r in found.rows:
         a, c = r.assessment, r.comparison

@@ -92,10 +92,10 @@ def print_comparison(results: Sequence[Compared]) -> None:
     for column in (
         "seeds",
         "evaluations",
-        "g, training \\[cm/s]",
-        "g, certified \\[cm/s]",
-        "time \\[s]",
-        "proposal \\[s]",
+        "g, training [cm/s]",
+        "g, certified [cm/s]",
+        "time [s]",
+        "proposal [s]",
     ):
         table.add_column(column, justify="right", no_wrap=True)
     for engine, runs in by_engine(results).items():

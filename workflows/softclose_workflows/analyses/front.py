@@ -82,7 +82,7 @@ def print_front(path: str, objectives: Sequence[FrontObjective]) -> None:
     )
     shown.add_column("candidate", justify="right")
     shown.add_column("waveform")
-    for column in ("v_u \\[cm/s]", "mean V \\[cm/s]", "p_nc", "g \\[cm/s]", "closing time \\[µs]", "peak \\[V]"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]", "closing time [µs]", "peak [V]"):
         shown.add_column(column, justify="right", no_wrap=True)
     for i in front.candidates:
         record = {name: column[i] for name, column in records.items()}

@@ -87,10 +87,10 @@ def print_openings(title: str, found: Openings, level: float) -> None:
     table = Table(title=title, title_justify="left", show_lines=True)
     table.add_column("release")
     for column in (
-        f"overshoot, {100 * level:g} % \\[travels]",
+        f"overshoot, {100 * level:g} % [travels]",
         "touch again",
         "stay",
-        f"within {100 * BAND:g} % after \\[µs]",
+        f"within {100 * BAND:g} % after [µs]",
     ):
         table.add_column(column, justify="right")
     for name, o in (("the holding pulse falls", found.plain), ("with a brake", found.braked)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from softclose_workflows.commands.options import columns_option, quiet_option
+from softclose_workflows.terminal import say
 
 
 @click.command(
@@ -108,7 +109,7 @@ def assess(
         click.echo(json_text(found.to_json() | {"kept": kept, "read": record.notes}))
         return
     for note in record.notes:
-        click.echo(f"{trace}: {note}")
+        say(f"{trace}: {note}")
     rows: list[tuple[str, list[list[float | None]], dict[str, object]]] = [
         (
             f"{trace}\n{len(read.times_us):,} samples, {len(drive.times_us):,} lines, "
@@ -124,6 +125,6 @@ def assess(
     kinds = interval_kinds(found.assessment.confidence, switches)
     print_designs(f"On {switches:,} fresh switches (seed {found.seed})", rows, kinds)
     if found.comparison is not None and found.best is not None:
-        click.echo(f"against candidate {found.best.candidate}: {comparison_line(found.comparison)}")
+        say(f"against candidate {found.best.candidate}: {comparison_line(found.comparison)}")
     if kept is not None:
-        click.echo(f"kept as {kept} of {source}")
+        say(f"kept as {kept} of {source}")

@@ -97,7 +97,7 @@ def calibrate(
             first = (f"{variable} [{row['unit']}]", row["kind"], f"{row['p_value']:.3f}") if i == 0 else ("", "", "")
             table.add_row(first[0], first[1], key, f"{value:.5g} ({lower:.5g}–{upper:.5g})", first[2])
     console = wide_console()
-    console.print(devices.said, markup=False)
+    console.print(devices.said)
     console.print(table)
     for note in calibration.notes:
         console.print(f"note: {note}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from softclose_workflows.commands.options import columns_option
+from softclose_workflows.terminal import say
 
 if TYPE_CHECKING:
     from softclose.waveform import Waveform
@@ -244,7 +245,7 @@ def _emit_instrument(
     about = {"format": form, **played.settings(), "candidate": i, "fingerprint": campaign.fingerprint}
     _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
     write_bytes(output, content)
-    click.echo(f"wrote {output}", err=True)
+    say(f"wrote {output}", err=True)
     click.echo(
         f"at the generator: low level {played.low_V:g} V, high level {played.high_V:.6g} V, "
         f"one period of {played.volts.size / played.rate_MSps:.6g} µs ({about['frequency_Hz']:.6g} Hz)",
@@ -385,17 +386,17 @@ def _emit(text: str, output: Path | None) -> None:
     from softclose_workflows.tell.outputs import write_text
 
     write_text(output, text)
-    click.echo(f"wrote {output}", err=True)
+    say(f"wrote {output}", err=True)
 
 
 def _emit_table(dataset: Any, form: str, output: Path | None) -> None:
     from softclose_workflows.errors import ExportError
-    from softclose_workflows.exports.tables import write_dataset
+    from softclose_workflows.exports.tables import csv_text, write_dataset
 
     if output is None or str(output) == "-":
         if form != "csv" or len(dataset.sizes) > 1:
             raise ExportError(f"{form} with these options is not text for standard output; give a file (-o)")
-        click.echo(dataset.to_dataframe().to_csv(lineterminator="\n"), nl=False)
+        click.echo(csv_text(dataset), nl=False)
         return
     write_dataset(dataset, output, form)
-    click.echo(f"wrote {output}", err=True)
+    say(f"wrote {output}", err=True)

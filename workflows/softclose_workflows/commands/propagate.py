@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from softclose_workflows.commands.options import columns_option, quiet_option
+from softclose_workflows.terminal import say
 
 
 @click.command(
@@ -70,4 +71,4 @@ def propagate(
         click.echo(json_text(to_json(chosen, found)))
         return
     for line in said(chosen, found):
-        click.echo(line)
+        say(line)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from softclose_workflows.commands.options import break_lock_option, placement_options, quiet_option
+from softclose_workflows.terminal import say
 
 if TYPE_CHECKING:
     from softclose_workflows.run.executors import Placement
@@ -43,6 +44,6 @@ def run(
 
     config = warm_started(load_config(source, overrides))
     for line in forewarnings(config):
-        click.echo(f"note: {line}", err=True)
+        say(f"note: {line}", err=True)
     ctx.meta["softclose.store"] = store
     drive(store, placement, config=config, break_lock=break_lock, quiet=quiet)

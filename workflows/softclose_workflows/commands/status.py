@@ -25,11 +25,10 @@ def status(store: str, as_json: bool, watch: bool, interval: float) -> None:
     if watch:
         if as_json:
             raise click.UsageError("--json and --watch exclude each other; scripts call `status --json` again")
-        from rich.console import Console
-
         from softclose_workflows.tell.watch import watch as show
+        from softclose_workflows.terminal import plain_console
 
-        show(store, interval, Console())
+        show(store, interval, plain_console())
         return
     from softclose_workflows.tell.plain import json_text
     from softclose_workflows.tell.standing import read_standing

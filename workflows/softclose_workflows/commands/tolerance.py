@@ -84,7 +84,7 @@ def tolerance(
         title=f"candidate {chosen.candidate} ({chosen.why}) on {switches:,} fresh switches", title_justify="left"
     )
     table.add_column("generator")
-    for column in ("v_u \\[cm/s]", "change", "p_nc", "change", "g \\[cm/s]"):
+    for column in ("v_u [cm/s]", "change", "p_nc", "change", "g [cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for r in rows:
         a = r.assessment

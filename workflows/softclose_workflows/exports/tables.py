@@ -12,6 +12,7 @@ from softclose_store import Campaign
 from softclose_store.schema.fields import IMPACT_QUANTITIES, POPULATION, QUANTITIES, RECORDED
 from softclose_workflows.errors import ExportError
 from softclose_workflows.tell.outputs import whole_file
+from softclose_workflows.terminal import visible
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,6 +86,23 @@ def _provenance(campaign: Campaign) -> dict[str, Any]:
     return {"fingerprint": campaign.fingerprint, "config": json.dumps(campaign.config, sort_keys=True)}
 
 
+def csv_text(dataset: xr.Dataset) -> str:
+    """One row per entry of the first dimension. Texts that a spreadsheet would compute are quoted by an apostrophe."""
+    table = dataset.to_dataframe()
+    for name in table.columns:
+        if table[name].dtype.kind not in "biuf":
+            table[name] = [cell(value) if isinstance(value, str) else value for value in table[name]]
+    return str(table.rename(columns=cell).to_csv(lineterminator="\n"))
+
+
+def cell(text: Any) -> Any:
+    """A text as a cell of a CSV: `=cmd|…` is no formula, whoever wrote it; control signs are spelt out."""
+    if not isinstance(text, str):
+        return text
+    shown = visible(text).replace("\n", "\\n").replace("\t", "\\t")
+    return "'" + shown if shown.lstrip()[:1] in ("=", "+", "-", "@") and shown else shown
+
+
 def write_dataset(dataset: xr.Dataset, target: Path, form: str) -> None:
     """Write csv or parquet (one row per entry of the first dimension) or netcdf. Raises ExportError."""
     package = NEEDS.get(form)
@@ -101,7 +119,7 @@ def write_dataset(dataset: xr.Dataset, target: Path, form: str) -> None:
         elif form == "parquet":
             dataset.to_dataframe().to_parquet(partial)
         else:
-            dataset.to_dataframe().to_csv(partial, lineterminator="\n")
+            partial.write_text(csv_text(dataset), encoding="utf-8", newline="\n")
 
 
 def _encoding(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:

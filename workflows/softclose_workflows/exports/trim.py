@@ -17,6 +17,7 @@ from softclose.population.measurements import read_devices
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.errors import ExportError
+from softclose_workflows.exports.tables import cell
 
 COLUMNS = ("pull_in_V", "resonance_kHz")
 """Measured quantities, as the columns of tables are called."""
@@ -104,7 +105,7 @@ def _csv(config: CampaignConfig, waveform: Waveform, values: FloatArray, devices
     writer.writerow([*(["device"] if devices else []), *names, "voltage_scale", "time_scale", "at_a_limit"])
     for i, row in enumerate(values):
         scales = [f"{given.voltage[i]:.6f}", f"{given.time[i]:.6f}", int(limited[i])]
-        writer.writerow([*([devices[i]] if devices else []), *(f"{value:.6g}" for value in row), *scales])
+        writer.writerow([*([cell(devices[i])] if devices else []), *(f"{value:.6g}" for value in row), *scales])
     return text.getvalue()
 
 

@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from softclose.tables import at_home
 from softclose_workflows.errors import ExecutorError
 
 CERTIFICATE, KEY, SETTINGS = "certificate.pem", "key.pem", "dask.yaml"
@@ -38,9 +39,17 @@ def make_certificates(folder: str | Path) -> Certificates:
     """
     from distributed import Security
 
-    where = Path(folder).absolute()
+    where = at_home(folder).absolute()
     if (where / KEY).exists():
         raise ExecutorError(f"{where} holds a key already; keep it, or name another folder")
+    store = next((place for place in (where, *where.parents) if (place / "zarr.json").exists()), None)
+    if store is not None:
+        raise ExecutorError(
+            f"{store} is a campaign's store, which keys do not belong in; name a new folder for them, or certify its "
+            f"candidates: softclose certify {store}"
+        )
+    if where.exists() and not (where.is_dir() and not any(where.iterdir())):
+        raise ExecutorError(f"{where} is there and not an empty folder; name a new one, which you alone will read")
     try:
         where.mkdir(mode=0o700, parents=True, exist_ok=True)
         where.chmod(0o700)

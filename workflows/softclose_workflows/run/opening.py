@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import click
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +35,7 @@ from softclose_store import (
     write_group,
 )
 from softclose_workflows.run.records import padded_rows, unpadded
+from softclose_workflows.terminal import say
 
 GROUP = "opening"
 """Group of the store that holds the designed openings, one a candidate."""
@@ -160,4 +160,4 @@ def design_at_the_end(path: str, *, threads: int) -> None:
     try:
         designed_opening(path, best.candidate, threads=threads)
     except OpeningError as e:
-        click.echo(f"note: no opening is designed for candidate {best.candidate}: {e}", err=True)
+        say(f"note: no opening is designed for candidate {best.candidate}: {e}", err=True)

@@ -16,9 +16,10 @@ def show_progress(*, quiet: bool) -> Iterator[Listener | None]:
     if quiet:
         yield None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
+
+    from softclose_workflows.terminal import plain_console
 
     started = time.monotonic()
     with Bar(
@@ -29,7 +30,7 @@ def show_progress(*, quiet: bool) -> Iterator[Listener | None]:
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
+        console=plain_console(stderr=True),
     ) as bar:
         task = bar.add_task("starting", total=None, state="")
 

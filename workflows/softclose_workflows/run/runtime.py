@@ -11,9 +11,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-import click
-
 from softclose import __version__
+from softclose_workflows.terminal import say
 
 RECORDED_VERSIONS = ("dask", "numba", "numpy", "scikit-learn", "scikit-optimize", "scipy", "zarr")
 """Libraries whose version can change bits."""
@@ -68,4 +67,4 @@ def changes_since(recorded: Mapping[str, Any]) -> list[str]:
 def say_changes(recorded: Mapping[str, Any]) -> None:
     """Tell, on standard error, what differs here: also where progress is not wanted."""
     for change in changes_since(recorded):
-        click.echo(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)
+        say(f"note: {change}: bits of further candidates may differ from a run here alone", err=True)

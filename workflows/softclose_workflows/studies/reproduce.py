@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from softclose.metrics.objective import CM_S
@@ -25,6 +24,7 @@ from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.outputs import check_folder, write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, with_interval
+from softclose_workflows.terminal import say
 
 STORED = ("store.n_times=126",)
 """Trajectories every 2 µs: the figures simulate their own 200 switches, on a finer grid."""
@@ -70,7 +70,7 @@ def _rows(campaigns: Sequence[Member], certifications: Sequence[Certification]) 
         designs = {"best": certification.best} | {r.name: r for r in certification.references}
         if case.design not in designs:
             why = certification.missing.get(case.design, "its certification is of an older version")
-            click.echo(f"note: {case.title}, {case.how}, is left out: {why}", err=True)
+            say(f"note: {case.title}, {case.how}, is left out: {why}", err=True)
             continue
         certified = designs[case.design]
         v = certified.response.max_contact_speed * CM_S
@@ -128,10 +128,10 @@ def to_text(rows: Sequence[Row]) -> str:
     """The comparison as a plain text table, then the waveforms."""
     from io import StringIO
 
-    from rich.console import Console
+    from softclose_workflows.terminal import plain_console
 
     out = StringIO()
-    console = Console(file=out, width=240, highlight=False, color_system=None)
+    console = plain_console(file=out, width=240, color_system=None)
     _print(console, rows)
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
 
@@ -146,7 +146,7 @@ def _print(console: Any, rows: Sequence[Row]) -> None:
 
     n = rows[0].certified.assessment.n
     table = Table(
-        title=f"Published figures (N = {N_PUBLISHED}) beside ours, certified on {n:,} fresh switches \\[cm/s]",
+        title=f"Published figures (N = {N_PUBLISHED}) beside ours, certified on {n:,} fresh switches [cm/s]",
         title_justify="left",
     )
     table.add_column("case", no_wrap=True)

@@ -7,8 +7,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import click
-
 from softclose import ALGORITHM
 from softclose.settings import CampaignConfig
 from softclose_store import DriverStore, open_campaign, store_state
@@ -24,6 +22,7 @@ from softclose_workflows.run.stopping import StopRequest, stop_on_signals
 from softclose_workflows.studies.at_once import run_at_once
 from softclose_workflows.tell.console import bar, silent
 from softclose_workflows.tell.outputs import check_folder, make_folder
+from softclose_workflows.terminal import say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,4 +146,4 @@ def _same_command_continues() -> Iterator[None]:
 
 def _say(effort: Effort, message: str) -> None:
     if not effort.quiet:
-        click.echo(message, err=True)
+        say(message, err=True)

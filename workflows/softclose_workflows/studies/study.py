@@ -113,14 +113,13 @@ def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certifica
 
 def print_study(result: StudyResult) -> None:
     """A row per value, and what keeping each optimum would cost under the others."""
-    from rich.markup import escape
     from rich.table import Table
 
     study, console = result.study, wide_console()
-    table = Table(title=escape(study.title), title_justify="left", show_lines=True)
-    table.add_column(escape(f"{study.parameter}{f' [{study.unit}]' if study.unit else ''}"), justify="right")
+    table = Table(title=study.title, title_justify="left", show_lines=True)
+    table.add_column(f"{study.parameter}{f' [{study.unit}]' if study.unit else ''}", justify="right")
     table.add_column("waveform")
-    for column in ("v_u \\[cm/s]", "mean V \\[cm/s]", "p_nc", "g \\[cm/s]", "flattery", "unshaped v_u"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]", "flattery", "unshaped v_u"):
         table.add_column(column, justify="right", no_wrap=True)
     for value, c in zip(study.values, result.certifications, strict=True):
         a = c.best.assessment
@@ -135,7 +134,7 @@ def print_study(result: StudyResult) -> None:
             f"{c.references[0].assessment.v_u_cm_s:.2f}",
         )
     console.print(table)
-    cross = Table(title="g lost by keeping the optimum of another value \\[cm/s]", title_justify="left")
+    cross = Table(title="g lost by keeping the optimum of another value [cm/s]", title_justify="left")
     cross.add_column("under")
     for value in study.values:
         cross.add_column(f"optimum of {value:g}", justify="right")

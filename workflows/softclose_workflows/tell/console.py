@@ -10,6 +10,8 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from softclose_workflows.terminal import plain_console, plain_console_type
+
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
@@ -28,10 +30,9 @@ def wide_console(width: int = 160) -> Console:
     In a pipe or a log, which have no width of their own, it folds nothing and ends lines where their text ends. On a
     terminal too narrow for a table it prints each row as a block of its own: what names a row is never cut.
     """
-    from rich.console import Console
     from rich.table import Table
 
-    class TableConsole(Console):
+    class TableConsole(plain_console_type()):  # type: ignore[misc]
         def print(self, *objects: Any, **options: Any) -> None:
             table = objects[0] if len(objects) == 1 else None
             if isinstance(table, Table) and not self.is_terminal:
@@ -43,8 +44,8 @@ def wide_console(width: int = 160) -> Console:
             else:
                 super().print(*objects, **options)
 
-    console = TableConsole(highlight=False)
-    return console if console.is_terminal else TableConsole(width=width, highlight=False)
+    console: Console = TableConsole()
+    return console if console.is_terminal else TableConsole(width=width)
 
 
 def _too_wide(console: Console, table: Table) -> bool:
@@ -60,7 +61,7 @@ def stacked(table: Table) -> RenderableType:
     from rich.text import Text
 
     columns = [(column.header, list(column.cells)) for column in table.columns]
-    parts: list[RenderableType] = [Text.from_markup(str(table.title or ""), style="italic")]
+    parts: list[RenderableType] = [Text(str(table.title or ""), style="italic")]
     for i, name in enumerate(columns[0][1]):
         lines = Table.grid(padding=(0, 2))
         for header, cells in columns[1:]:
@@ -69,7 +70,7 @@ def stacked(table: Table) -> RenderableType:
         parts += [Text.assemble((str(name), "bold"))] if name else []
         parts.append(Padding(lines, (0, 0, 0, 2)))
     if table.caption:
-        parts.append(Text.from_markup(str(table.caption), style="dim italic"))
+        parts.append(Text(str(table.caption), style="dim italic"))
     return Group(*parts)
 
 
@@ -84,10 +85,9 @@ def bar(title: str, *, quiet: bool = False) -> Iterator[Step | None]:
     if silent(quiet):
         yield None
         return
-    from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with Progress(console=plain_console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
@@ -98,7 +98,5 @@ def working(what: str, *, quiet: bool) -> Iterator[None]:
     if silent(quiet):
         yield
         return
-    from rich.console import Console
-
-    with Console(stderr=True).status(f"{what} …"):
+    with plain_console(stderr=True).status(f"{what} …"):
         yield

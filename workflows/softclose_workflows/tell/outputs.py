@@ -9,6 +9,8 @@ from pathlib import Path, PurePosixPath
 
 import click
 
+from softclose.tables import at_home
+
 
 class OutputError(ValueError):
     """An output that cannot be written where it was asked for."""
@@ -22,7 +24,7 @@ def default_name(store: str, suffix: str) -> str:
 
 def check_file(path: str | Path, option: str = "-o", endings: Sequence[str] = ()) -> Path:
     """The path of a file that can be written, found out before the work is done. Raises OutputError."""
-    target = Path(path)
+    target = at_home(path)
     if target.is_dir():
         raise OutputError(f"{target} is a folder; give the name of a file ({option})")
     if endings and target.suffix.lower() not in endings:
@@ -40,7 +42,7 @@ def check_file(path: str | Path, option: str = "-o", endings: Sequence[str] = ()
 
 def check_folder(path: str | Path, option: str = "--out") -> Path:
     """The path of a folder that can be made and written, found out before the work is done. Raises OutputError."""
-    target = Path(path)
+    target = at_home(path)
     there = next(p for p in (target.absolute(), *target.absolute().parents) if p.exists())
     if not there.is_dir():
         raise OutputError(f"{there} is a file; give the name of a folder, new or existing ({option})")

@@ -83,7 +83,7 @@ def print_designs(
     table = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_lines=True)
     for column in ("design", "waveform"):
         table.add_column(column)
-    for column in ("v_u \\[cm/s]", "mean V \\[cm/s]", "p_nc", "g \\[cm/s]"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for name, rows, record in designs:
         table.add_row(name, describe_waveform(rows), *metrics_row(record))
@@ -119,14 +119,14 @@ def trouble_lines(standing: Standing) -> list[str]:
 
 def print_standing(standing: Standing) -> None:
     """What `status` prints for people."""
-    from rich.console import Console
+    from softclose_workflows.terminal import plain_console
 
-    console = Console(highlight=False, soft_wrap=True)
+    console = plain_console(soft_wrap=True)
     share = standing.committed / max(standing.budget, 1)
     state = "finished" if standing.finished else f"{share:.0%}"
     console.print(f"{standing.name}: {standing.committed} of {standing.budget} candidates committed ({state})")
     for line in trouble_lines(standing):
-        console.print(line, markup=False)
+        console.print(line)
     best = standing.best
     if best is None:
         console.print("no usable candidate yet")

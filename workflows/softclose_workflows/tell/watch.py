@@ -114,6 +114,7 @@ def panel(view: View) -> RenderableType:
     from rich.panel import Panel
     from rich.progress_bar import ProgressBar
     from rich.table import Table
+    from rich.text import Text
 
     table = Table.grid(padding=(0, 2))
     table.add_row("", ProgressBar(total=max(view.budget, 1), completed=view.committed, width=40))
@@ -127,7 +128,7 @@ def panel(view: View) -> RenderableType:
         table.add_row("driver", view.driver)
     elif not view.finished:
         table.add_row("driver", "none: `softclose resume STORE` continues", style="yellow")
-    return Panel(table, title=view.name, title_align="left", subtitle="Ctrl-C ends the view, not the run")
+    return Panel(table, title=Text(view.name), title_align="left", subtitle="Ctrl-C ends the view, not the run")
 
 
 def _duration(seconds: float) -> str:
@@ -159,7 +160,7 @@ def watch(path: str, interval_s: float, console: Console) -> None:
             last = ""
             for view in views(path, interval_s):
                 if (line := one_line(view)) != last:
-                    console.print(line, highlight=False, soft_wrap=True)
+                    console.print(line, soft_wrap=True)
                 last = line
     except KeyboardInterrupt:
         return

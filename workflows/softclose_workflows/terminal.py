@@ -1,0 +1,53 @@
+"""Owns what reaches the terminal: text is text. No markup of rich's, no control characters of a stranger's.
+
+Names, notes and reasons come from files and stores: `[/old]` in one is no end of a style, and an escape sequence no
+order to the terminal (its title, its clipboard, a cleared screen). Everything that is printed goes through here.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def visible(text: str) -> str:
+    """The text with what would control a terminal, or hide in it, spelt out: `\\x1b[2J`; line ends and tabs stay."""
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c in "\n\t" or c.isprintable() or unicodedata.category(c) == "Zs" else c.encode("unicode_escape").decode()
+        for c in text
+    )
+
+
+def say(text: object, *, err: bool = False) -> None:
+    """Print a line."""
+    click.echo(visible(str(text)), err=err)
+
+
+def plain_console_type() -> type[Console]:
+    """The class of consoles that take text for text. (A function: rich takes a tenth of a second to import.)"""
+    from collections.abc import Iterable
+
+    from rich.console import Console, ConsoleOptions, RenderableType
+    from rich.segment import Segment
+
+    class PlainConsole(Console):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(**({"markup": False, "emoji": False, "highlight": False} | options))
+
+        def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+            for segment in super().render(renderable, options):
+                yield segment if segment.control else segment._replace(text=visible(segment.text))
+
+    return PlainConsole
+
+
+def plain_console(**options: Any) -> Console:
+    """A console that takes text for text: rich's own options."""
+    return plain_console_type()(**options)
