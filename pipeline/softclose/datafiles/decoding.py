@@ -9,7 +9,7 @@ from pathlib import Path
 from softclose.datafiles.errors import TableError
 from softclose.tables import at_home
 
-MOST_BYTES = 512 * 2**20
+MOST_BYTES = 64 * 2**20
 """A larger file is refused before it is read: lines take some ten times as much memory."""
 
 _MARKS = (

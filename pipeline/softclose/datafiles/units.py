@@ -52,6 +52,8 @@ FACTORS: Mapping[str, tuple[str, float]] = {
 _KNOWN = {word: unit for units in _SPELT.values() for unit, (_, words) in units.items() for word in words}
 # Upper case may be another prefix: MV are no mV, MHZ are MHz. Instruments that shout TIME(MS) mean ms.
 _SHOUTED = {"MV": None, "MM": None, "NM": None, "PM": None, "MHZ": "MHz", "mHz": None, "mhz": "MHz"}
+LONGEST = 200
+"""A longer heading is not searched for a unit: expressions take the square of its length."""
 _OTHER = re.compile(r"(?:[mukMG]?(?:A|Amps?|W|Ohm|Ω|C|F|H|dB|dBm|%|°C|K|bar|g|Pa)|dB[mVu]*|deg|m/s|um/us)")
 """Units of quantities that no table here has: a column that has one is neither time nor volts."""
 
@@ -78,6 +80,8 @@ def known_unit(text: str) -> str | None:
 def name_and_unit(heading: str) -> tuple[str, str | None]:
     """The name and the unit of a heading; the whole heading and None where it tells no unit known here."""
     heading = heading.strip()
+    if len(heading) > LONGEST:
+        return heading, None
     unit = known_unit(heading)
     if unit is not None:
         return "", unit
@@ -96,7 +100,7 @@ def kind_of(unit: str | None) -> str | None:
 
 def has_other_unit(heading: str) -> bool:
     """Whether a heading tells a unit that is none of those above: amperes, decibels, degrees."""
-    for form in _WRITTEN[:4]:
+    for form in _WRITTEN[:4] if len(heading) <= LONGEST else ():
         found = form.match(heading.strip())
         if found and _OTHER.fullmatch(found["unit"].replace("µ", "u").replace("μ", "u")):
             return True

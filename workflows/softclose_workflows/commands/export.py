@@ -131,6 +131,15 @@ def export(ctx: click.Context, store: str) -> None:
     help="dac: lines beginning with # before the codes; FILE.json says the same in any case.",
 )
 @click.option(
+    "--max-error",
+    "most_cm_s",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=0.5,
+    show_default=True,
+    metavar="CM_S",
+    help="How far v_u of the delivered samples may be from the waveform's, p_nc a hundredth of it; computed.",
+)
+@click.option(
     "--release", is_flag=True, help="The whole drive: with the opening that the campaign designed (opening.release_us)."
 )
 @click.option("--pull-in", "pull_in_V", type=float, metavar="V", help="Trimmed: the switch's measured pull-in voltage.")
@@ -171,6 +180,7 @@ def waveform(
         from softclose_workflows.exports.pwl import draw, spice_source
 
         line = draw(drive, settings["tolerance_mV"] * 1e-3)
+        _check_delivered(campaign, drive, line.times_us, line.volts, settings)
         text = spice_source(
             line, source=settings["source"], nodes=settings["nodes"], comments=_comments(campaign, i, drive)
         )
@@ -186,6 +196,7 @@ def waveform(
         duration = 0.0  # refused below, with the value that was given
     times = sample_times_us(settings["rate_MSps"], duration)
     if form == "csv":
+        _check_delivered(campaign, drive, times, drive.voltage(times), settings)
         _emit(volts_csv(drive, times), output)
     else:
         _emit_codes(campaign, i, drive, times, settings, output)
@@ -216,6 +227,7 @@ def _emit_codes(
         )
     volts = drive.voltage(times)
     codes = scale.encode(volts)
+    _check_delivered(campaign, drive, times, codes * scale.volts_per_code, settings)
     about = metadata(scale, codes, volts)
     comments = [*_comments(campaign, i, drive), *(f"{name}: {value}" for name, value in about.items())]
     text = codes_text(codes, comments if settings["header"] else [])
@@ -230,6 +242,8 @@ def _emit_instrument(
 ) -> None:
     import json
 
+    import numpy as np
+
     from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.instruments import SIGLENT_POINTS, WRITERS, play, write_bytes
 
@@ -240,8 +254,10 @@ def _emit_instrument(
     rate = settings["rate_MSps"]
     if form == "siglent-csv" and duration > 0.0:
         rate = (SIGLENT_POINTS - 1) / duration
-    played = play(drive, rate_MSps=rate, duration_us=duration, gain=settings["gain"])
+    gain = settings["gain"]
+    played = play(drive, rate_MSps=rate, duration_us=duration, gain=gain)
     content = WRITERS[form](played)
+    _check_delivered(campaign, drive, np.arange(played.volts.size) / played.rate_MSps, played.volts * gain, settings)
     about = {"format": form, **played.settings(), "candidate": i, "fingerprint": campaign.fingerprint}
     _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
     write_bytes(output, content)
@@ -251,6 +267,14 @@ def _emit_instrument(
         f"one period of {played.volts.size / played.rate_MSps:.6g} µs ({about['frequency_Hz']:.6g} Hz)",
         err=True,
     )
+
+
+def _check_delivered(campaign: Campaign, drive: Waveform, times: Any, volts: Any, settings: dict[str, Any]) -> None:
+    from softclose.settings import CampaignConfig
+    from softclose_workflows.exports.delivered import check_delivered
+
+    config = CampaignConfig.from_dict(campaign.config)
+    check_delivered(config, drive, times, volts, most_cm_s=settings["most_cm_s"])
 
 
 def _refuse_options_of_other_formats(ctx: click.Context, form: str) -> None:
@@ -362,11 +386,13 @@ def _candidate(campaign: Campaign, i: int | None) -> int:
 
 
 def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
+    from softclose_workflows.exports.tables import cell
     from softclose_workflows.tell.tables import describe_waveform
 
     lines = describe_waveform([list(row) for row in drive.rows()]).splitlines()
+    name = cell(campaign.config["campaign"]["name"])  # one line: in a netlist a line of its own could be a command
     return [
-        f"softclose waveform: candidate {i} of {campaign.config['campaign']['name']} ({campaign.fingerprint[:12]})",
+        f"softclose waveform: candidate {i} of {name} ({campaign.fingerprint[:12]})",
         *lines,
     ]
 

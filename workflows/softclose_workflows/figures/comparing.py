@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from softclose_workflows.figures.drawing import LINES, overlay
-from softclose_workflows.figures.style import COLOURS, PAGE_IN
+from softclose_workflows.figures.style import COLOURS, PAGE_IN, literal
 from softclose_workflows.report.compare_page import judged, top_speed
 from softclose_workflows.report.comparison import Entry
 from softclose_workflows.report.packed import waveform_points
@@ -26,5 +26,5 @@ def draw_comparison(entries: Sequence[Entry]) -> Figure:
     overlay(density, designs, top_speed(entries))
     handles, names = density.get_legend_handles_labels()
     # A name is a stranger's text: matplotlib would read what is between dollar signs as mathematics.
-    figure.legend(handles, [n.replace("$", r"\$") for n in names], loc="outside upper center", ncols=2)
+    figure.legend(handles, [literal(n) for n in names], loc="outside upper center", ncols=2)
     return figure

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from softclose.metrics.intervals import Interval
 from softclose.uncertainty.drift import Drift
-from softclose_workflows.figures.style import COLOURS, PAGE_IN
+from softclose_workflows.figures.style import COLOURS, PAGE_IN, literal
 
 
 def draw_drift(found: Drift, title: str) -> Figure:
@@ -39,7 +39,7 @@ def draw_drift(found: Drift, title: str) -> Figure:
     left.set_ylabel("$v_u$ (cm/s)")
     right.set_ylabel("Not closed (%)")
     left.legend(loc="best")
-    figure.suptitle(title, fontsize=8.5)
+    figure.suptitle(literal(title), fontsize=8.5)
     return figure
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from softclose.opening import Openings
-from softclose_workflows.figures.style import COLOURS, PAGE_IN
+from softclose_workflows.figures.style import COLOURS, PAGE_IN, literal
 
 
 def draw_opening(found: Openings, title: str) -> Figure:
@@ -27,5 +27,5 @@ def draw_opening(found: Openings, title: str) -> Figure:
     motion.legend(loc="upper right")
     drive.set(xlabel="Time from the begin of the fall (µs)", ylabel="u (V)")
     drive.set_ylim(bottom=0.0)
-    figure.suptitle(title, fontsize=8.5)
+    figure.suptitle(literal(title), fontsize=8.5)
     return figure

@@ -12,7 +12,7 @@ from softclose.metrics.objective import Assessment
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import CertifyError, read_certification
 from softclose_workflows.figures.drawing import LINES
-from softclose_workflows.figures.style import COLOURS, PAGE_IN
+from softclose_workflows.figures.style import COLOURS, PAGE_IN, literal
 from softclose_workflows.studies.study import StudyResult
 from softclose_workflows.tell.labels import SERIES
 
@@ -68,7 +68,7 @@ def draw_study(result: StudyResult, others: Sequence[Other] = ()) -> Figure:
         right.set_ylim(bottom=0.0)
     left.set_ylabel("$v_u$, certified (cm/s)" if limits else "g and $v_u$, certified (cm/s)")
     right.set_ylabel("Not closed (%)")
-    figure.suptitle(result.study.title, fontsize=8.5)
+    figure.suptitle(literal(result.study.title), fontsize=8.5)
     figure.legend(loc="outside lower center", ncols=2, fontsize=7)
     return figure
 

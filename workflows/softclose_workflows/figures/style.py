@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 from softclose_workflows.tell.labels import PALETTE
+from softclose_workflows.terminal import visible
 
 COLOURS = PALETTE["light"]
 """Paper is light."""
@@ -49,6 +50,11 @@ RC: dict[Any, Any] = {
     "svg.fonttype": "path",  # looks the same where the font is missing
     "svg.hashsalt": "softclose",  # the same store gives the same bytes
 }
+
+
+def literal(text: str) -> str:
+    """A name as text: matplotlib would read what stands between dollar signs as mathematics, and fail."""
+    return visible(text).replace("$", r"\$")
 
 
 def style() -> AbstractContextManager[None]:
