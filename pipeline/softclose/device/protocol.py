@@ -6,6 +6,7 @@ for instance, is an entry point of group `softclose.models` and is named by `mod
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
@@ -23,15 +24,24 @@ class CannotSimulate(RuntimeError):
     """A device model's own word that it has no answer to this waveform: the candidate is recorded as failed."""
 
 
-FAILURES: tuple[type[Exception], ...] = (CannotSimulate, ArithmeticError, ValueError)
-"""What counts as a device model's own word: it would be raised anywhere. Everything else is the machine's fault."""
+def is_own_word(failure: BaseException) -> bool:
+    """Whether a failure is the device model's own word on the waveform, which would be raised anywhere.
+
+    CannotSimulate, an ArithmeticError, or an error of this package's about what it was given. Everything else is the
+    machine's fault: a model of the user's that raises ValueError("license server not reached") says nothing of the
+    waveform.
+    """
+    if isinstance(failure, CannotSimulate | ArithmeticError):
+        return True
+    return isinstance(failure, ValueError) and type(failure).__module__.partition(".")[0] == "softclose"
 
 
 class DeviceModel(Protocol):
     """What a campaign calls: `softclose.simulate` is one. Deterministic, and each row independent of the others.
 
-    A waveform that it cannot answer at all: CannotSimulate, ValueError or ArithmeticError, and the candidate is
-    recorded as failed. A switch that it cannot integrate: a `status` other than 0.
+    A waveform that it cannot answer at all: CannotSimulate (or an ArithmeticError), and the candidate is recorded as
+    failed. A switch that it cannot integrate: a `status` other than 0. Anything else that it raises is taken for a
+    fault of the machine: the work is tried again, then the run stops, and resumes.
     """
 
     def __call__(
@@ -63,5 +73,35 @@ def measured(*_: Any, **__: Any) -> Responses:
 
 
 def load_model(name: str) -> DeviceModel:
-    """The device model of that name. Raises ModelError naming the nearest one."""
-    return cast(DeviceModel, MODELS.load(name))
+    """The device model of that name; answers of the user's own are checked. Raises ModelError naming the nearest."""
+    model = cast(DeviceModel, MODELS.load(name))
+    return model if name in MODELS.shipped else _checked(name, model)
+
+
+def _checked(name: str, model: DeviceModel) -> DeviceModel:
+    @functools.wraps(model)
+    def simulate(switches: ArrayLike, waveform: Waveform, **settings: Any) -> Responses:
+        found = model(switches, waveform, **settings)
+        _check_answer(name, found, len(np.asarray(switches)))
+        return found
+
+    return cast(DeviceModel, simulate)
+
+
+def _check_answer(name: str, found: Responses, n: int) -> None:
+    """Raise ModelError where an answer contradicts itself: a switch that closed without a speed, missing rows."""
+    speeds = np.asarray(found.max_contact_speed, dtype=np.float64)
+    closed, status = np.asarray(found.closed), np.asarray(found.status)
+    for what, values in (("max_contact_speed", speeds), ("closed", closed), ("status", status)):
+        if values.shape != (n,):
+            raise ModelError(f"model {name!r} gives {what} of shape {values.shape} for {n} switches; it must be ({n},)")
+    integrated = status == 0
+    with np.errstate(invalid="ignore"):
+        wrong = integrated & (np.isinf(speeds) | (speeds < 0.0) | (closed.astype(bool) & np.isnan(speeds)))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ModelError(
+            f"model {name!r} says that switch {i} is {'closed' if closed[i] else 'open'} and gives its contact speed "
+            f"as {speeds[i]:g} µm/µs; it must be a number from 0 on, or NaN where the switch never touches. A switch "
+            "that cannot be integrated has a status other than 0"
+        )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.device.protocol import FAILURES
+from softclose.device.protocol import is_own_word
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_store import IMPACT_QUANTITIES, QUANTITIES
@@ -117,7 +117,9 @@ def compute_block(
                 times_us=times,
                 dtype=np.float32,
             )
-        except FAILURES as e:
+        except Exception as e:
+            if not is_own_word(e):
+                raise
             failures[i] = f"{type(e).__name__}: {e}"
             found.append(_nothing(len(switches), n_impacts, len(times)))
             continue
