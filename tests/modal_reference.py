@@ -35,6 +35,14 @@ class ModalSwitch:
     restitution: float = 0.5
     compliance: tuple[float, float, float] | None = None
     """Stiffness, exponent and loss of a compliant contact."""
+    dashpot: float = 0.0
+    """Of that contact."""
+    cubic: np.ndarray | float = 0.0
+    """Cubic stiffness over stiffness of each mode."""
+    coat: float = 0.0
+    """Thickness over permittivity of a dielectric."""
+    free_path: float = 0.0
+    """Mean free path of the film's gas."""
     impacts: list[tuple[float, float]] = field(default_factory=list)
     final: float = math.nan
     ending: str = ""
@@ -50,12 +58,17 @@ class ModalSwitch:
             q, p = y[:n], y[n:]
             left = self.G - self.electrode @ q
             u = float(waveform.voltage(np.array([t]))[0])
-            pull = 0.5e3 * EPS0 * self.area_um2 * (u / left) ** 2 - self.film * (self.electrode @ p) / left**3
-            generalised = self.electrode * pull - self.stiffnesses * q - self.masses * self.rates * p
+            slip = 1.0 + 9.638 * (self.free_path / left) ** 1.159
+            film = self.film * (self.electrode @ p) / left**3 / slip
+            pull = 0.5e3 * EPS0 * self.area_um2 * (u / (left + self.coat)) ** 2 - film
+            springs = self.stiffnesses * (q + self.cubic * q**3)
+            generalised = self.electrode * pull - springs - self.masses * self.rates * p
             if touching and self.compliance is not None:
                 k, power, loss = self.compliance
                 depth = max(self.contact @ q - self.D, 0.0)
-                generalised = generalised - self.contact * max(k * depth**power * (1.0 + loss * (self.contact @ p)), 0)
+                speed = self.contact @ p
+                push = k * depth**power * (1.0 + loss * speed) + self.dashpot * speed
+                generalised = generalised - self.contact * max(push, 0)
             return np.concatenate([p, generalised / self.masses])
 
         def cross(t: float, y: np.ndarray, *_: object) -> float:

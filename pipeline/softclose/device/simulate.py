@@ -228,9 +228,10 @@ def simulate(
     if modes is not None:
         _check_reach(modes, table)
     scales = _scales(drive_volts, drive_times, len(table))
-    if scales is not None and (method != "taylor" or modes is not None):
+    if scales is not None and (method != "taylor" or modes is not None or (losses is not None and losses.slips)):
         raise SimulationError(
-            "drive_volts and drive_times are for method 'taylor' and one mode: simulate drive by drive"
+            "drive_volts and drive_times are for method 'taylor', one mode and a film without slip: simulate drive by "
+            "drive"
         )
     out = dispatch.run(
         table,

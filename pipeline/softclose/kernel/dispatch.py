@@ -98,7 +98,7 @@ def _modal_inputs(
     switches: FloatArray, plate_area_um2: float, losses: Losses, modes: ReducedOrder
 ) -> tuple[FloatArray, ...]:
     """Devices, contact, knots and slopes of `modal.run_block`."""
-    table = np.empty((len(switches), 8))
+    table = np.empty((len(switches), 10))
     table[:, :2] = switches[:, :2]
     table[:, 2] = 0.5e3 * EPSILON_0 * plate_area_um2
     table[:, 3] = losses.film(plate_area_um2)
@@ -106,8 +106,12 @@ def _modal_inputs(
     table[:, 5] = switches[:, 3]
     table[:, 6] = 1e-3 * switches[:, 2]
     table[:, 7] = modes.capacitance.gap_um / switches[:, 1] if modes.capacitance else 1.0
-    c = modes.contact  # (3,) stiffness [mN/µm^exponent], exponent, loss; no stiffness: rigid
-    contact = np.zeros(3) if c is None else np.array([1e-3 * c.stiffness_N_per_m, c.exponent, c.loss_us_per_um])
+    table[:, 8] = modes.dielectric.gap_um if modes.dielectric else 0.0
+    table[:, 9] = losses.free_path_um
+    c = modes.contact  # (4,) stiffness [mN/µm^exponent], exponent, loss, dashpot [mN µs/µm]; no stiffness: rigid
+    contact = np.zeros(4)
+    if c is not None:
+        contact[:] = 1e-3 * c.stiffness_N_per_m, c.exponent, c.loss_us_per_um, 1e-3 * c.dashpot_uN_s_per_m
     knots, slopes = modes.capacitance.slope() if modes.capacitance else (np.zeros(0), np.zeros((1, 0)))
     return table, contact, knots, slopes
 
@@ -166,7 +170,7 @@ def run(
     settings = (rtol, max_steps)
     events = (out.metrics, out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed)
     work: Callable[[int, int], None]
-    if modes is not None or (method == "rk" and not losses.none):
+    if modes is not None or losses.slips or (method == "rk" and not losses.none):
         from softclose.kernel import modal
 
         modes = modes or ONE_MODE

@@ -1,9 +1,9 @@
 """Owns the kernel of several modes: an adaptive Runge-Kutta method of order 8 with rigid or compliant contact.
 
-Each mode i: m_i q_i'' + m_i (omega_i / Q_i) q_i' + k_i q_i = psi_i (F_e - F_s) + phi_i F_c, where the electrode is at
-x_e = sum psi_i q_i and the contact at x_c = sum phi_i q_i. F_e is the electrostatic force, F_s that of the film of gas
-and F_c that of the contact. Dormand and Prince's 8(5,3) pair with Hairer's dense output of order 7; its coefficients
-are scipy's.
+Each mode i: m_i q_i'' + m_i (omega_i / Q_i) q_i' + k_i (q_i + c_i q_i³) = psi_i (F_e - F_s) + phi_i F_c, where the
+electrode is at x_e = sum psi_i q_i and the contact at x_c = sum phi_i q_i. F_e is the electrostatic force, F_s that of
+the film of gas and F_c that of the contact. Dormand and Prince's 8(5,3) pair with Hairer's dense output of order 7; its
+coefficients are scipy's.
 
 A rigid contact is the constraint x_c <= D. An impact is an impulse along phi that turns x_c' into -e x_c'; a switch is
 held where the rebound is slower than v_stick and the constraint's force presses, and let go when that force pulls more
@@ -52,15 +52,21 @@ _REST = 1e-12
 """Speed [µm/µs] that rounding leaves of a switch at rest on its contact: no impact once it has touched."""
 _COLLAPSED_AT = 1e-3
 """Part of the gap that mode 1 leaves at contact; where no more is left, nothing stops the electrode."""
+_SLIP, _SLIP_EXPONENT = 9.638, 1.159
+"""Veijola and others, Sensors and Actuators A 48 (1995): a gas whose mean free path is Kn of the film's thickness flows
+as one of 1 + 9.638 Kn^1.159 times less viscosity, from the continuum to free molecules within 5 %."""
 _LOOKS = 8
 """Points within a step at which contacts are looked for: a step is a quarter of the fastest mode's period or less."""
 
 
 @njit(error_model="numpy", forceinline=True)
-def _electrostatic(u, x, gap, half_area, knots, slopes, shrink):  # type: ignore[no-untyped-def]
-    """Force [mN] at electrode displacement x: of parallel plates, or u²/2 dC/dx of a capacitance."""
+def _electrostatic(u, x, gap, coat, half_area, knots, slopes, shrink):  # type: ignore[no-untyped-def]
+    """Force [mN] at electrode displacement x: of parallel plates, or u²/2 dC/dx of a capacitance.
+
+    coat: thickness over permittivity of a dielectric on the counter-electrode, a gap that never closes [µm].
+    """
     if knots.shape[0] == 0:
-        pull = u / (gap - x)
+        pull = u / (gap + coat - x)
         return half_area * pull * pull
     s = min(x * shrink, knots[-1])  # a trial step may ask beyond either end; an accepted one ends there
     lo, hi = 0, knots.shape[0] - 1
@@ -81,7 +87,7 @@ def _electrostatic(u, x, gap, half_area, knots, slopes, shrink):  # type: ignore
 def _slopes(out, y, u, state, n, switch):  # type: ignore[no-untyped-def]
     """Time derivative of y = (q, q') into out; returns the force [mN] with which the switch presses on a rigid
     contact, less than nothing where it pulls."""
-    travel, gap, half_area, film, adhesion, modes, contact, knots, slopes, shrink = switch
+    travel, gap, half_area, film, adhesion, modes, contact, knots, slopes, shrink, coat, free_path = switch
     xe = ve = xc = vc = 0.0
     for i in range(n):
         q, p = y[i], y[n + i]
@@ -89,16 +95,20 @@ def _slopes(out, y, u, state, n, switch):  # type: ignore[no-untyped-def]
         ve += modes[i, 4] * p
         xc += modes[i, 3] * q
         vc += modes[i, 3] * p
-    pull = _electrostatic(u, xe, gap, half_area, knots, slopes, shrink)
+    pull = _electrostatic(u, xe, gap, coat, half_area, knots, slopes, shrink)
     if film > 0.0:
-        pull -= film * ve / (gap - xe) ** 3
+        squeezed = film * ve / (gap - xe) ** 3
+        if free_path > 0.0:
+            squeezed /= 1.0 + _SLIP * (free_path / (gap - xe)) ** _SLIP_EXPONENT
+        pull -= squeezed
     push = 0.0
     if state == TOUCHING:
         depth = max(xc - travel, 0.0)
-        push = adhesion - max(contact[0] * depth ** contact[1] * (1.0 + contact[2] * vc), 0.0)
+        push = adhesion - max(contact[0] * depth ** contact[1] * (1.0 + contact[2] * vc) + contact[3] * vc, 0.0)
     asked, mobility = 0.0, 0.0
     for i in range(n):
         a = (modes[i, 4] * pull + modes[i, 3] * push) / modes[i, 0] - modes[i, 1] * y[i] - modes[i, 2] * y[n + i]
+        a -= modes[i, 1] * modes[i, 5] * y[i] * y[i] * y[i]
         out[i] = y[n + i]
         out[n + i] = a
         asked += modes[i, 3] * a
@@ -202,7 +212,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     fv,
 ):
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows."""
-    travel, gap, _half_area, _film, adhesion, modes, contact, knots, _slopes_of, shrink = switch
+    travel, gap, _half_area, film, adhesion, modes, contact, knots, _slopes_of, shrink, coat, _free_path = switch
     n2 = 2 * n
     compliant = contact[0] > 0.0
     fastest = 0.0
@@ -218,6 +228,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     state, launched = FREE, False
     n_impacts, n_steps, i_time, status = 0, 0, 0, 0
     n_times = times.shape[0]
+    wall = gap + coat if film == 0.0 else gap  # where a force is infinite
     closest = gap - _COLLAPSED_AT * (gap - modes[0, 4] * travel)
     lowest, highest = -math.inf, math.inf
     if knots.shape[0] > 0:
@@ -280,7 +291,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
             for i in range(n):
                 xe += modes[i, 4] * work[i]
                 ve += modes[i, 4] * work[n + i]
-            inside = xe < gap and not math.isnan(error)
+            inside = xe < wall and not math.isnan(error)
             if hs > _MIN_STEP_US and (error > 1.0 or not inside or (state == HELD and tension)):
                 factor = 0.5 if inside and error <= 1.0 else (max(0.2, 0.9 * error**-0.125) if inside else 0.2)
                 h = hs * factor
@@ -441,17 +452,19 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
     ):
         """Switches lo..hi-1 of `devices`; outputs are rows of whole arrays.
 
-        devices: (n, 8) travel, gap [µm], half the plate's area times the permittivity [mN µm²/V²], film [mN µm³ µs/µm],
-        adhesion [mN], mass [µg], stiffness [mN/µm] of the first mode, nominal gap over gap; ratios: (n_modes, 5) mass,
-        stiffness over mass and damping rate over frequency as parts of the first mode's, participations in contact and
-        electrode; scratch: (26, 7 or 2 n_modes) for what is in work.
+        devices: (n, 10) travel, gap [µm], half the plate's area times the permittivity [mN µm²/V²], film
+        [mN µm³ µs/µm], adhesion [mN], mass [µg], stiffness [mN/µm] of the first mode, nominal gap over gap,
+        thickness over permittivity of a dielectric, mean free path [µm]; ratios: (n_modes, 6) mass, stiffness over mass
+        and damping rate over frequency as parts of the first mode's, participations in contact and electrode, cubic
+        stiffness over stiffness [1/µm²]; contact: (4,) stiffness, exponent, loss, dashpot [mN µs/µm]; scratch: (26, 7
+        or 2 n_modes) for what is in work.
         """
         if source < 0:  # never: closes over the fingerprint, see source.py
             return
         n2 = 2 * n_modes
         K, y, work = scratch[: STAGES + 1, :n2], scratch[17, :n2], scratch[18, :n2]
         fx, fv = scratch[19], scratch[20]
-        modes = scratch[21:].reshape(-1)[: 5 * n_modes].reshape(n_modes, 5)
+        modes = scratch[21:].reshape(-1)[: 6 * n_modes].reshape(n_modes, 6)
         for i in range(lo, hi):
             row = i if impact_time.shape[1] > 0 else 0
             out = i if times.shape[0] > 0 else 0
@@ -462,6 +475,7 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
                 modes[j, 2] = ratios[j, 2] * math.sqrt(modes[j, 1])
                 modes[j, 3] = ratios[j, 3]
                 modes[j, 4] = ratios[j, 4]
+                modes[j, 5] = ratios[j, 5]
             found = _run_switch(
                 n_modes,
                 (
@@ -475,6 +489,8 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
                     knots,
                     slopes,
                     devices[i, 7],
+                    devices[i, 8],
+                    devices[i, 9],
                 ),
                 pieces,
                 n_ramps,

@@ -37,6 +37,12 @@ class ModelSection:
     """Longer side of the film [µm]; 0: that of a square of the plate's area."""
     film_width_um: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     """Shorter side of the film [µm]; 0: that of a square of the plate's area."""
+    film_count: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    """Films of that size, the fingers of a comb for instance."""
+    film_mean_free_path_um: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    """Mean free path of the gas at 101.325 kPa [µm], which lets a thin film slip; 0: none. Air has 0.065."""
+    film_pressure_kPa: Annotated[float, Field(gt=0, le=1e6)] = 101.325
+    """Ambient pressure [kPa]."""
     adhesion_uN: Annotated[float, Field(ge=0, le=1e9)] = 0.0
     """Force with which a closed contact sticks [µN]: a release has to overcome it."""
 
@@ -47,5 +53,8 @@ class ModelSection:
             film_viscosity_uPa_s=self.film_viscosity_uPa_s,
             film_length_um=self.film_length_um,
             film_width_um=self.film_width_um,
+            film_count=self.film_count,
+            film_mean_free_path_um=self.film_mean_free_path_um,
+            film_pressure_kPa=self.film_pressure_kPa,
             adhesion_uN=self.adhesion_uN,
         )

@@ -27,7 +27,8 @@ def collapse_voltage(switches: FloatArray, modes: ReducedOrder, plate_area_um2: 
 
     The springs push the electrode back with F(x), the voltage pulls it with u² e(x): the largest u that is borne is the
     maximum of sqrt(F / e) over the electrode's positions x behind the contact. Beyond the end of a table of capacitance
-    nothing is known: the maximum is that of its range. A drive that swings collapses a switch at less.
+    nothing is known: the maximum is that of its range. A drive that swings collapses a switch at less; stretching,
+    which is left out, holds it to more.
 
     switches: (n, 4) columns D, G [µm], K [N/m], M [µg]; returns (n,). Independent of the mass.
     """
@@ -51,7 +52,8 @@ def _pull(x: FloatArray, gap: FloatArray, modes: ReducedOrder, area: float) -> F
     """Electrostatic force over the voltage squared [mN/V²] at positions of the electrode [µm]; NaN where not known."""
     c = modes.capacitance
     if c is None:
-        return np.asarray(0.5e3 * EPSILON_0 * area / (gap - x) ** 2)
+        coat = modes.dielectric.gap_um if modes.dielectric else 0.0
+        return np.asarray(0.5e3 * EPSILON_0 * area / (gap + coat - x) ** 2)
     shrink = c.gap_um / gap
     return np.asarray(0.5e-6 * c.slope_at(x * shrink) * shrink * shrink)
 

@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
+LEAST_Q = 1e-3
+"""Smallest Q: below it a switch creeps as the film or the dashpot lets it, and its mass means nothing."""
+_BY_SWITCH = ("quality_factor", "film_viscosity_uPa_s", "adhesion_uN")
+"""Losses of which each switch may have its own."""
+
+
 class LossesError(ValueError):
     """Damping, film or adhesion out of range."""
 
@@ -28,21 +34,32 @@ class Losses:
     """Longer side of the film [µm]; 0: that of a square of the plate's area."""
     film_width_um: float = 0.0
     """Shorter side of the film [µm]; 0: that of a square of the plate's area."""
+    film_count: float = 1.0
+    """Films of that size: the fingers of a comb, the fields between holes."""
+    film_mean_free_path_um: float = 0.0
+    """Mean free path of the gas at 101.325 kPa [µm]; 0: a continuum, which a film thinner than some 5 µm is not."""
+    film_pressure_kPa: float = 101.325
+    """Ambient pressure [kPa]: the mean free path is in inverse proportion."""
     adhesion_uN: float | FloatArray = 0.0
     """Force with which a closed contact sticks [µN]."""
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
-            if isinstance(value, np.ndarray) and name not in ("film_length_um", "film_width_um"):
+            if isinstance(value, np.ndarray) and name in _BY_SWITCH:
                 wrong = _wrong_row(value)
                 if wrong:
                     raise LossesError(f"{name}{wrong}")
             elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
                 raise LossesError(f"{name} is {value!r}; it must be a number, 0 or more")
         q = np.ravel(self.quality_factor)
-        if ((q > 0.0) & (q < 0.1)).any():
-            raise LossesError(f"quality_factor is {q[q > 0.0].min():g}; it must be 0 (no damping) or 0.1 and more")
+        if ((q > 0.0) & (q < LEAST_Q)).any():
+            raise LossesError(
+                f"quality_factor is {q[q > 0.0].min():g}; it must be 0 (no damping) or {LEAST_Q:g} and more"
+            )
+        for name in ("film_count", "film_pressure_kPa"):
+            if not getattr(self, name) > 0.0:
+                raise LossesError(f"{name} is {getattr(self, name)!r}; it must be above 0")
         if (self.film_length_um == 0.0) != (self.film_width_um == 0.0):
             raise LossesError("give both film_length_um and film_width_um, or neither for a square")
 
@@ -65,7 +82,7 @@ class Losses:
 
     def check_rows(self, n: int) -> None:
         """Raise LossesError where an array has not one entry for each of n switches."""
-        for name in ("quality_factor", "film_viscosity_uPa_s", "adhesion_uN"):
+        for name in _BY_SWITCH:
             shape = np.shape(getattr(self, name))
             if shape not in ((), (n,)):
                 raise LossesError(f"{name} has shape {shape}; it must be a number or ({n},), one entry a switch")
@@ -80,7 +97,17 @@ class Losses:
         side = math.sqrt(plate_area_um2)
         sides = self.film_length_um or side, self.film_width_um or side
         length, width = max(sides), min(sides)
-        return 1e-9 * self.film_viscosity_uPa_s * length * width**3 * shape_factor(width / length)
+        return 1e-9 * self.film_count * self.film_viscosity_uPa_s * length * width**3 * shape_factor(width / length)
+
+    @property
+    def slips(self) -> bool:
+        """Whether the film's gas slips: then the force falls short of `film` by a factor of the thickness."""
+        return bool(np.any(self.film_viscosity_uPa_s)) and self.film_mean_free_path_um > 0.0
+
+    @property
+    def free_path_um(self) -> float:
+        """Mean free path at the ambient pressure [µm]."""
+        return self.film_mean_free_path_um * 101.325 / self.film_pressure_kPa
 
 
 def _wrong_row(values: np.ndarray[Any, Any]) -> str:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.switch.losses import LEAST_Q
 from softclose.tables import at_home, check_keys, finite_number, read_tables
 
 FloatArray = NDArray[np.float64]
@@ -49,6 +50,8 @@ class Mode:
     """Displacement of the contact per unit of the mode's coordinate, towards closing."""
     electrode: float = 1.0
     """Mean displacement of the electrode per unit of the mode's coordinate, towards closing."""
+    cubic_per_um2: float = 0.0
+    """Stretching, as of a beam fixed at both ends: the mode's force is k (q + cubic q³) [1/µm²]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,8 +95,24 @@ class Capacitance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Dielectric:
+    """A layer on the counter-electrode: the field crosses it, the plate does not. The population's gap is the air's."""
+
+    thickness_um: float
+    """Thickness [µm]."""
+    permittivity: float
+    """Relative permittivity."""
+
+    @property
+    def gap_um(self) -> float:
+        """The gap of air that takes as much voltage [µm]."""
+        return self.thickness_um / self.permittivity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CompliantContact:
-    """Hunt and Crossley's contact: force stiffness d^exponent (1 + loss d') at the depth d, never pulling."""
+    """Hunt and Crossley's contact, and a dashpot: stiffness d^exponent (1 + loss d') + dashpot d' at the depth d, never
+    pulling. An exponent of 1 with a dashpot alone is the linear contact."""
 
     stiffness_N_per_m: float
     """Stiffness [N/m] (with an exponent other than 1 [N/µm^exponent x 1e-6])."""
@@ -101,6 +120,8 @@ class CompliantContact:
     """1: a spring; 1.5: Hertz."""
     loss_us_per_um: float = 0.0
     """Hunt and Crossley's damping [µs/µm]; about 1.5 (1 - e) / v for restitution e at the speed v."""
+    dashpot_uN_s_per_m: float = 0.0
+    """Dashpot [µN s/m]: 2 zeta sqrt(stiffness x mass) for the damping ratio zeta."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,6 +134,8 @@ class ReducedOrder:
     """What reports call it."""
     capacitance: Capacitance | None = None
     """None: parallel plates of the campaign's area."""
+    dielectric: Dielectric | None = None
+    """None: bare metal."""
     contact: CompliantContact | None = None
     """None: a rigid contact with the campaign's restitution."""
 
@@ -124,7 +147,8 @@ class ReducedOrder:
             _within(where, "frequency_kHz", mode.frequency_kHz, 1e-3, 1e6)
             _within(where, "mass_ug", mode.mass_ug, 1e-9, 1e12)
             if mode.quality_factor:
-                _within(where, "quality_factor", mode.quality_factor, 0.1, 1e9)
+                _within(where, "quality_factor", mode.quality_factor, LEAST_Q, 1e9)
+            _within(where, "cubic_per_um2", mode.cubic_per_um2, 0.0, 1e6)
             for key in ("contact", "electrode"):
                 _within(where, key, getattr(mode, key), -1e6, 1e6)
         first = self.mode[0]
@@ -135,15 +159,21 @@ class ReducedOrder:
             )
         if self.capacitance is not None:
             _check_capacitance(self.capacitance)
+        if self.dielectric is not None:
+            _within("[dielectric] ", "thickness_um", self.dielectric.thickness_um, 1e-4, 1e3)
+            _within("[dielectric] ", "permittivity", self.dielectric.permittivity, 1.0, 1e4)
+            if self.capacitance is not None:
+                raise ReducedOrderError("[dielectric] has no place beside [capacitance], which says what it does")
         if self.contact is not None:
             where = "[contact] "
             _within(where, "stiffness_N_per_m", self.contact.stiffness_N_per_m, 1.0, 1e12)
             _within(where, "exponent", self.contact.exponent, 1.0, 3.0)
             _within(where, "loss_us_per_um", self.contact.loss_us_per_um, 0.0, 1e3)
+            _within(where, "dashpot_uN_s_per_m", self.contact.dashpot_uN_s_per_m, 0.0, 1e12)
 
     def ratios(self) -> FloatArray:
-        """(n_modes, 5): mass and (k/m) as parts of mode 1's, 1/Q, participation of contact and of electrode, where mode
-        1 moves the contact by 1."""
+        """(n_modes, 6): mass and (k/m) as parts of mode 1's, 1/Q, participation of contact and of electrode, cubic
+        stiffness over stiffness [1/µm²], where mode 1 moves the contact by 1."""
         unit = self.mode[0].contact
         first = self.mode[0]
         reference = first.mass_ug / unit**2
@@ -158,6 +188,7 @@ class ReducedOrder:
                     damping,
                     m.contact / scale,
                     m.electrode / scale,
+                    m.cubic_per_um2 / scale**2,
                 ]
             )
         return np.array(rows)
@@ -181,13 +212,15 @@ class ReducedOrder:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ReducedOrder:
         """Inverse of `to_dict`, and the reader of a file. Raises ReducedOrderError naming the key."""
-        check_keys(data, ("name", "mode", "capacitance", "contact"), "", ReducedOrderError)
+        check_keys(data, ("name", "mode", "capacitance", "dielectric", "contact"), "", ReducedOrderError)
         modes = data.get("mode", [])
         if not isinstance(modes, Sequence) or isinstance(modes, str):
             raise ReducedOrderError("modes are tables, each under its own [[mode]]")
         parts: dict[str, Any] = {"mode": tuple(_part(Mode, m, f"mode {i}: ") for i, m in enumerate(modes, 1))}
         if "capacitance" in data:
             parts["capacitance"] = _part(Capacitance, data["capacitance"], "[capacitance] ")
+        if "dielectric" in data:
+            parts["dielectric"] = _part(Dielectric, data["dielectric"], "[dielectric] ")
         if "contact" in data:
             parts["contact"] = _part(CompliantContact, data["contact"], "[contact] ")
         if "name" in data:
