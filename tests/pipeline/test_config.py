@@ -75,7 +75,7 @@ def test_the_population_is_part_of_the_configuration(tmp_path: Path) -> None:
         ("model.name=reduced-order", "give model.modes, the TOML file of its modes"),
         ("model.modes=plate.toml", "has none: use reduced-order"),
         ("model.quality_factor=-2", "model.quality_factor is -2; it must be a finite number from 0 to 1e.09"),
-        ("model.quality_factor=0.01", "0 .no damping. or 0.1 and more"),
+        ("model.quality_factor=0.0005", "0 .no damping. or 0.001 and more"),
         ("model.film_width_um=3", "both film_length_um and film_width_um"),
         ("campaign=3", "not of the form section.key=value"),
     ],
