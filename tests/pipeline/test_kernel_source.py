@@ -36,6 +36,7 @@ def test_the_series_are_what_their_generator_writes():
     )
     assert generate_series.LOSSY.read_text(encoding="utf-8") == generate_series.render_lossy()
     assert generate_series.DRIVE.read_text(encoding="utf-8") == generate_series.render_drive()
+    assert generate_series.MODES.read_text(encoding="utf-8") == generate_series.render_modes()
 
 
 def test_the_cached_code_is_keyed_by_the_source_of_all_kernel_files():

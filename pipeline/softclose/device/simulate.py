@@ -186,7 +186,7 @@ def simulate(
     drive_volts, drive_times : (n,) ndarray of float64, optional
         What the volts and the times of each switch's command are multiplied by; of a delivered drive the command's, its
         way does not scale. A switch is seen until its own horizon, the time scale times `horizon_us`, and sampled at as
-        many times `times_us`. The Taylor kernel takes them, of one mode.
+        many times `times_us`. The Taylor kernels take them.
 
     Returns
     -------
@@ -228,10 +228,11 @@ def simulate(
     if modes is not None:
         _check_reach(modes, table)
     scales = _scales(drive_volts, drive_times, len(table))
-    if scales is not None and (method != "taylor" or modes is not None or (losses is not None and losses.slips)):
+    lost = losses if losses is not None else Losses()
+    if scales is not None and not (method == "taylor" and dispatch.in_series(modes, lost)):
         raise SimulationError(
-            "drive_volts and drive_times are for method 'taylor', one mode and a film without slip: simulate drive by "
-            "drive"
+            "drive_volts and drive_times are for what the Taylor kernels simulate (method 'taylor'; one mode, or two with "
+            "plates and a rigid contact; no film that slips): simulate drive by drive"
         )
     out = dispatch.run(
         table,
@@ -247,7 +248,7 @@ def simulate(
         dtype=dtype,
         v_stick=stick,
         max_steps=_count("max_steps", max_steps, 1),
-        losses=losses if losses is not None else Losses(),
+        losses=lost,
         modes=modes,
         scales=scales,
     )

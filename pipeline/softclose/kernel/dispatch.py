@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.kernel import pieces as drive_pieces
-from softclose.kernel import rk, taylor
+from softclose.kernel import rk, taylor, two_modes
 from softclose.kernel.bounces import MAX_RETURNS
 from softclose.switch.losses import Losses
 from softclose.switch.plate import EPSILON_0
@@ -90,6 +91,58 @@ def columns(
     return out
 
 
+def pairs(
+    switches: FloatArray,
+    plate_area_um2: float,
+    restitution: float | FloatArray,
+    losses: Losses,
+    modes: ReducedOrder,
+    v_stick: float,
+    scales: Scales | None,
+) -> FloatArray:
+    """(n, 17): the columns of `two_modes.run_block`. Scaled as in `columns`."""
+    ratios = modes.ratios()
+    first_k = 1e-3 * switches[:, 2] / switches[:, 3]
+    out = np.empty((len(switches), two_modes.N_COLUMNS))
+    out[:, :2] = switches[:, :2]
+    out[:, 2], out[:, 3] = restitution, v_stick
+    out[:, 4] = 1e-3 * losses.adhesion_uN
+    out[:, 5] = 0.5e3 * EPSILON_0 * plate_area_um2
+    out[:, 6] = losses.film(plate_area_um2)
+    out[:, 7:9] = switches[:, 3:] * ratios[:, 0]
+    out[:, 9:11] = first_k[:, None] * ratios[:, 1]
+    damping = np.broadcast_to(np.asarray(losses.damping_ratio), (len(switches),))[:, None]
+    out[:, 11:13] = np.sqrt(out[:, 9:11]) * np.where(damping > 0.0, damping, ratios[:, 2])
+    out[:, 13:15], out[:, 15:17] = ratios[:, 3], ratios[:, 4]
+    if scales is not None:
+        a, b = scales.volts, scales.times
+        out[:, 3:7] *= np.stack([b, b**2, (a * b) ** 2, b], axis=1)
+        out[:, 9:13] *= np.stack([b**2, b**2, b, b], axis=1)
+    return out
+
+
+def in_series(modes: ReducedOrder | None, losses: Losses) -> bool:
+    """Whether a switch has a Taylor kernel.
+
+    One mode (None); or two linear ones, plates, a rigid contact, an electrode that is or is not the contact. A film
+    whose gas slips has none: its force is a broken power of the gap.
+    """
+    if losses.slips:
+        return False
+    if modes is None:
+        return True
+    shaped = modes.capacitance is not None or modes.dielectric is not None or modes.contact is not None
+    if len(modes.mode) != two_modes.N_MODES or shaped or modes.ratios()[:, 5].any():
+        return False
+    (ca, ea), (cb, eb) = ((m.contact, m.electrode) for m in modes.mode)
+    apart = abs(ea * cb - eb * ca) / (math.hypot(ca, cb) * math.hypot(ea, eb))
+    return apart > _APART or apart < 0.1 * two_modes.TOGETHER
+
+
+_APART = 1e-4
+"""Sine of the angle between contact and electrode, as directions in the space of both modes, below which the
+electrode hardly feels what is left of the motion of a held switch, and its series loses digits."""
+
 ONE_MODE = ReducedOrder(mode=(Mode(frequency_kHz=20.0),))
 """Eqs. 1-2: a lot's K and M say everything of one mode."""
 
@@ -131,6 +184,12 @@ def _ways(drive: AnyDrive, horizon_us: float, scales: Scales | None) -> tuple[in
     return drive_pieces.DECAYING, flatten_pulses(drive.command, horizon_us), (drive.path(horizon_us), rows)
 
 
+def _samples(out: KernelOutput, dtype: type[Any]) -> tuple[NDArray[Any], ...]:
+    """x and v in float64, and in float32, of which one pair is empty."""
+    unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
+    return (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
+
+
 def run(
     switches: FloatArray,
     drive: AnyDrive,
@@ -170,7 +229,19 @@ def run(
     settings = (rtol, max_steps)
     events = (out.metrics, out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed)
     work: Callable[[int, int], None]
-    if modes is not None or losses.slips or (method == "rk" and not losses.none):
+    if modes is not None and method == "taylor" and in_series(modes, losses):
+        peaks = np.empty((n, two_modes.N_MODES))
+        out = replace(out, peaks=peaks)
+        table = pairs(switches, plate_area_um2, restitution, losses, modes, v_stick, scales)
+        form, flat, way = _ways(drive, horizon_us, scales)
+        block = two_modes.block(form=form, film=bool(np.any(losses.film_viscosity_uPa_s)))
+        samples = _samples(out, dtype)
+
+        def work(lo: int, hi: int) -> None:
+            scratch = room(flat[0], flat[2]) if form == drive_pieces.DECAYING else _NO_ROOM
+            block(lo, hi, table, *flat, *way, *scratch, *settings, times_us, *events, *samples, peaks)
+
+    elif modes is not None or losses.slips or (method == "rk" and not losses.none):
         from softclose.kernel import modal
 
         modes = modes or ONE_MODE
@@ -201,8 +272,7 @@ def run(
         table = columns(switches, plate_area_um2, restitution, losses, v_stick, scales)
         form, flat, way = _ways(drive, horizon_us, scales)
         block = taylor.block(form=form, lossy=losses.moving, film=bool(np.any(losses.film_viscosity_uPa_s)))
-        unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
-        samples = (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
+        samples = _samples(out, dtype)
 
         def work(lo: int, hi: int) -> None:
             scratch = room(flat[0], flat[2]) if form == drive_pieces.DECAYING else _NO_ROOM

@@ -12,6 +12,7 @@ from pathlib import Path
 TARGET = Path(__file__).with_name("series.py")
 LOSSY = Path(__file__).with_name("lossy_series.py")
 DRIVE = Path(__file__).with_name("drive_series.py")
+MODES = Path(__file__).with_name("modes_series.py")
 ORDER = 16
 """Degree of the Taylor polynomial of x."""
 TERMS = 12
@@ -63,6 +64,20 @@ from softclose.kernel.series import _FAST
 
 DEGREE = {degree}
 SHORT = {short}
+'''
+MODES_HEADER = '''\
+"""Owns the power series of a switch of two modes as straight-line code. Written by generate_series.py.
+
+a'' = p F - ka a - da a' and b'' = q F - kb b - db b', F = h (u / (G - e))² - f e' / (G - e)³, e = ea a + eb b: what
+the modes share is the electrode. `blend` is another point that moves with both, `press` and
+`press_under` are the force on a held contact.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softclose.kernel.series import _FAST
 '''
 LOSSY_HEADER = '''\
 """Owns the power series of a switch that loses energy as straight-line code. Written by generate_series.py.
@@ -197,6 +212,70 @@ def lossy_flight(driven: bool, film: bool, order: int, prefix: str = "", given: 
         f"Coefficients 0..{last_power} of x with damping{film_doc}, {at}.",
         lines,
     )
+
+
+def two(film: bool, order: int) -> str:
+    """Damping is always there. ha, hb: h p and h q of the header; fa, fb: f p and f q."""
+    lines = [unpack(us(order), "u"), "    e0 = ea * a0 + eb * b0", "    e1 = ea * a1 + eb * b1"]
+    lines += ["    r0 = 1.0 / (gap - e0)", "    z1 = e1 * r0", "    s0 = u0 * r0"]
+    if film:
+        lines += ["    r1 = z1 * r0", "    p1 = r0 * r1"]
+    for n in range(order - 1):
+        if n:
+            lines.append(statement(f"s{n}", [f"r0 * u{n}", *(f"z{j} * s{n - j}" for j in range(1, n + 1))]))
+        if n and film:
+            lines.append(statement(f"r{n + 1}", [f"z{j} * r{n + 1 - j}" for j in range(1, n + 2)]))
+            lines.append(statement(f"p{n + 1}", square("r", n + 1)))
+        scale = 1.0 / ((n + 1) * (n + 2))
+        lines.append(statement("q", square("s", n)))
+        lines.append(f"    q *= {2.0 * scale!r}")
+        for m in "ab":
+            loss = f"d{m} * {m}{n + 1}" + (f" + f{m} * p{n + 1}" if film else "")
+            lines.append(f"    {m}{n + 2} = h{m} * q - k{m} * {m}{n} * {scale!r} - ({loss}) * {1.0 / (n + 2)!r}")
+        if n + 2 < (order if film else order - 1):
+            lines.append(f"    z{n + 2} = (ea * a{n + 2} + eb * b{n + 2}) * r0")
+    for m in "ab":
+        lines.append(listing(f"found_{m} = (", [f"{m}{n}" for n in range(order + 1)], ")"))
+    lines.append("    return found_a, found_b")
+    doc = (
+        "Coefficients 0..ORDER of a and b"
+        + (" behind a film" if film else "")
+        + ", where u has the coefficients u[0..ORDER-2]."
+    )
+    arguments = "a0, a1, b0, b1, u, gap, ea, eb, ha, hb, ka, kb, da, db" + (", fa, fb" if film else "")
+    return function("two_film" if film else "two", arguments, doc, lines)
+
+
+def blend(order: int) -> str:
+    lines = [unpack([f"{m}{n}" for n in range(order + 1)], source) for m, source in (("a", "a"), ("b", "b"))]
+    lines.append(pack([f"p * a{n} + q * b{n}" for n in range(order + 1)]))
+    return function("blend", "a, b, p, q", "Coefficients of p a + q b.", lines)
+
+
+def at_rest(order: int) -> str:
+    lines = [unpack(["x0", "_x1", *xs(order)[2:]], "x"), pack(["x0", "0.0", *xs(order)[2:]])]
+    return function("at_rest", "x", "The same motion from rest: without the rounding of its speed.", lines)
+
+
+def press(order: int) -> str:
+    lines = [unpack(xs(order), "x")]
+    terms = []
+    for n in range(order - 1):
+        parts = f"p2 * ({float((n + 1) * (n + 2))} * x{n + 2}) + p1 * ({float(n + 1)} * x{n + 1}) + p0 * x{n}"
+        terms.append(f"-({parts})" if n else f"-({parts} + pc)")
+    lines.append(pack([*terms, "0.0", "0.0"]))
+    return function("press", "x, p2, p1, p0, pc", "Coefficients of -(p2 x'' + p1 x' + p0 x + pc).", lines)
+
+
+def press_under(order: int) -> str:
+    lines = [unpack([*xs(order - 1), f"_x{order}"], "x"), unpack(us(order), "u")]
+    terms = []
+    for n in range(order - 1):
+        lines.append(statement(f"q{n}", square("u", n)))
+        parts = f"p1 * ({float(n + 1)} * x{n + 1}) + p0 * x{n} + 2.0 * pu * q{n}"
+        terms.append(f"-({parts})" if n else f"-({parts} + pc)")
+    lines.append(pack([*terms, "0.0", "0.0"]))
+    return function("press_under", "x, u, p1, p0, pc, pu", "Coefficients of -(pu u² + p1 x' + p0 x + pc).", lines)
 
 
 def chain(target: str, coefficients: list[str], variable: str, indent: str = "    ") -> list[str]:
@@ -360,7 +439,14 @@ def render_drive(order: int = ORDER, degree: int = DEGREE, short: int = SHORT) -
     return DRIVE_HEADER.format(degree=degree, short=short) + "".join(parts)
 
 
+def render_modes(order: int = ORDER) -> str:
+    """The module of two modes."""
+    motion = [two(False, order), two(True, order), blend(order), at_rest(order)]
+    return MODES_HEADER + "".join([*motion, press(order), press_under(order)])
+
+
 if __name__ == "__main__":
     TARGET.write_text(render(), encoding="utf-8")
     LOSSY.write_text(render_lossy(), encoding="utf-8")
     DRIVE.write_text(render_drive(), encoding="utf-8")
+    MODES.write_text(render_modes(), encoding="utf-8")

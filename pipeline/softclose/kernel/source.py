@@ -16,6 +16,8 @@ _FILES = (
     "lossy_series",
     "drive_series",
     "step",
+    "expansion",
+    "samples",
     "bounces",
     "contact",
     "release",
@@ -23,6 +25,8 @@ _FILES = (
     "results",
     "rk",
     "taylor",
+    "modes_series",
+    "two_modes",
     "modal",
 )
 

@@ -29,13 +29,19 @@ def radius(tolerance, a, n, b, m):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", forceinline=True)
-def step_size(x, tolerance):  # type: ignore[no-untyped-def]
-    """Step at which the last two terms of v are at most the tolerance [µs].
+def step_of(earlier, last_but_one, last, tolerance):  # type: ignore[no-untyped-def]
+    """Step at which the last two terms of v are at most the tolerance [µs], from three coefficients of x.
 
     Where a pair of complex singularities leads, coefficients swing like cos(n phi): both may be small at once. A third,
     four before them, then bounds the step as the radius of convergence that it suggests.
     """
     budget = bits(tolerance) - _ONE_BITS
-    early = (budget // (ORDER - 1)) - (bits(abs((ORDER - 4) * x[ORDER - 4])) - _ONE_BITS) // (ORDER - 5)
+    early = (budget // (ORDER - 1)) - (bits(abs((ORDER - 4) * earlier)) - _ONE_BITS) // (ORDER - 5)
     h = 0.94 * np.int64(early + _ONE_BITS).view(np.float64)
-    return min(h, radius(tolerance, ORDER * x[ORDER], ORDER - 1, (ORDER - 1) * x[ORDER - 1], ORDER - 2))
+    return min(h, radius(tolerance, ORDER * last, ORDER - 1, (ORDER - 1) * last_but_one, ORDER - 2))
+
+
+@njit(error_model="numpy", forceinline=True)
+def step_size(x, tolerance):  # type: ignore[no-untyped-def]
+    """`step_of` the polynomial x."""
+    return step_of(x[ORDER - 4], x[ORDER - 1], x[ORDER], tolerance)

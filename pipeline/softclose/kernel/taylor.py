@@ -15,33 +15,13 @@ from numba import njit
 
 from softclose.kernel.bounces import learn, predict, symmetric_flight
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
-from softclose.kernel.drive_series import (
-    SHORT,
-    decaying,
-    fading,
-    shifted,
-    short_damped_driven,
-    short_film_driven,
-    short_flight_driven,
-    short_return,
-)
-from softclose.kernel.lossy_series import damped_constant, damped_driven, film_constant, film_driven
-from softclose.kernel.pieces import COSINES, DECAYING, POLYNOMIAL, deliver, voltage
+from softclose.kernel.drive_series import SHORT, short_return
+from softclose.kernel.expansion import expand, short, steady
+from softclose.kernel.pieces import COSINES, DECAYING, deliver, voltage
 from softclose.kernel.release import release_time
 from softclose.kernel.results import store
-from softclose.kernel.series import (
-    ORDER,
-    TERMS,
-    bend,
-    bounce_duration,
-    constant,
-    drive,
-    evaluate,
-    flight_constant,
-    flight_driven,
-    flight_time,
-    sample,
-)
+from softclose.kernel.samples import sample_until, write
+from softclose.kernel.series import ORDER, TERMS, bend, bounce_duration, evaluate, flight_time
 from softclose.kernel.source import UNCOUNTED, fingerprint
 from softclose.kernel.step import radius, step_size
 
@@ -51,95 +31,6 @@ _SAFETY = 4.0
 _RELEASE_STEP_US = 0.5
 _NO_BOUNCE = (0.0,) * TERMS
 _NO_MORE = (0.0,) * (ORDER - SHORT)
-
-
-@njit(error_model="numpy", inline="always")
-def _drive_series(form, pieces, n_ramps, ramps, i, t):  # type: ignore[no-untyped-def]
-    """Taylor coefficients of u about t on piece i, which is not constant."""
-    if form == POLYNOMIAL:
-        u = shifted(pieces[i, 2], ramps, i, t - 0.5 * (pieces[i, 0] + pieces[i, 1]))
-    else:
-        u = constant(pieces[i, 2])
-        for j in range(n_ramps[i]):
-            omega = ramps[i, j, 1]
-            angle = omega * (t - ramps[i, j, 2])
-            if form == DECAYING and ramps[i, j, 3] > 0.0:
-                decay = ramps[i, j, 3]
-                a = ramps[i, j, 0] * math.exp(-decay * (t - pieces[i, 0]))
-                if omega == 0.0:
-                    u = fading(u, a, decay)
-                else:
-                    u = decaying(u, a * math.cos(angle), a * math.sin(angle), omega, decay)
-            else:
-                u = drive(u, ramps[i, j, 0] * math.cos(angle), ramps[i, j, 0] * math.sin(angle), omega)
-    return u
-
-
-@njit(error_model="numpy", inline="always")
-def _steady(lossy, film, u, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
-    """Taylor coefficients of x where u is constant."""
-    if film:
-        series = film_constant(x, v, u, gap, c, k, d, f)
-    elif lossy:
-        series = damped_constant(x, v, u, gap, c, k, d)
-    else:
-        series = flight_constant(x, v, u, gap, c, k)
-    return series
-
-
-@njit(error_model="numpy", inline="always")
-def _expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
-    """Taylor coefficients of x about t on piece i."""
-    if n_ramps[i] == 0:
-        series = _steady(lossy, film, pieces[i, 2], x, v, gap, c, k, d, f)
-    else:
-        u = _drive_series(form, pieces, n_ramps, ramps, i, t)
-        if film:
-            series = film_driven(x, v, u, gap, c, k, d, f)
-        elif lossy:
-            series = damped_driven(x, v, u, gap, c, k, d)
-        else:
-            series = flight_driven(x, v, u, gap, c, k)
-    return series
-
-
-@njit(error_model="numpy", inline="always")
-def _short(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f):  # type: ignore[no-untyped-def]
-    """The first few Taylor coefficients of x about t on piece i, which is not constant."""
-    u = _drive_series(form, pieces, n_ramps, ramps, i, t)
-    if film:
-        series = short_film_driven(x, v, u, gap, c, k, d, f)
-    elif lossy:
-        series = short_damped_driven(x, v, u, gap, c, k, d)
-    else:
-        series = short_flight_driven(x, v, u, gap, c, k)
-    return series
-
-
-@njit(error_model="numpy", inline="always")
-def _write(row, first, stop, x, v, x64, v64, x32, v32):  # type: ignore[no-untyped-def]
-    """One position and velocity at samples first..stop-1."""
-    for j in range(first, stop):
-        if x64.shape[1] > 0:
-            x64[row, j] = x
-            v64[row, j] = v
-        else:
-            x32[row, j] = x
-            v32[row, j] = v
-
-
-@njit(error_model="numpy", inline="always")
-def _sample_until(series, t, until, times, first, row, x64, v64, x32, v32):  # type: ignore[no-untyped-def]
-    """Sample the polynomial that starts at t up to `until`; the number of samples written so far."""
-    stop = first
-    while stop < times.shape[0] and times[stop] <= until:
-        stop += 1
-    if stop > first:
-        if x64.shape[1] > 0:
-            sample(series, t, times, first, stop, row, x64, v64)
-        else:
-            sample(series, t, times, first, stop, row, x32, v32)
-    return stop
 
 
 @njit(error_model="numpy", inline="always")
@@ -210,7 +101,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
                     stop = i_time
                     while stop < n_times and times[stop] <= t:
                         stop += 1
-                    _write(row, i_time, stop, travel, 0.0, x64, v64, x32, v32)
+                    write(row, i_time, stop, travel, 0.0, x64, v64, x32, v32)
                     i_time = stop
                 if t < end:
                     held, launched, settled = False, True, math.inf
@@ -219,7 +110,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if n_steps > max_steps:
                 status = WORK_LIMIT
                 break
-            series = _expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
+            series = expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
             h = step_size(series, tolerance)
             if launched and v == 0.0:
                 h = min(h, _RELEASE_STEP_US)
@@ -244,7 +135,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if tau != NONE:
                 t_next = min(t + tau, end)
             if i_time < n_times:
-                i_time = _sample_until(series, t, t_next, times, i_time, row, x64, v64, x32, v32)
+                i_time = sample_until(series, t, t_next, times, i_time, row, x64, v64, x32, v32)
             t = t_next
             if tau == NONE:
                 x, v = x1, v1
@@ -266,12 +157,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
                         break
                     # A bounce that is short beside everything else needs few powers.
                     n_steps += 1
-                    brief = _short(form, lossy, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f)
+                    brief = short(form, lossy, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f)
                     tau, speed = short_return(brief, rtol)
                     if tau <= 0.0 or t + tau > end or n_steps > max_steps:
                         break
                     if i_time < n_times:
-                        i_time = _sample_until(brief + _NO_MORE, t, t + tau, times, i_time, row, x64, v64, x32, v32)
+                        i_time = sample_until(brief + _NO_MORE, t, t + tau, times, i_time, row, x64, v64, x32, v32)
                     t += tau
                     if n_impacts < n_events:
                         impact_time[event_row, n_impacts] = t
@@ -320,10 +211,10 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 # For the samples only: what is reported does not depend on it. A bounce may take several steps.
                 ts, xs, vs = t, x, v
                 while i_time < n_times and times[i_time] <= t_next:
-                    series = _steady(lossy, film, pieces[i, 2], xs, vs, gap, c, k, d, f)
+                    series = steady(lossy, film, pieces[i, 2], xs, vs, gap, c, k, d, f)
                     h = step_size(series, tolerance)
                     until = t_next if h >= t_next - ts else ts + h
-                    i_time = _sample_until(series, ts, until, times, i_time, row, x64, v64, x32, v32)
+                    i_time = sample_until(series, ts, until, times, i_time, row, x64, v64, x32, v32)
                     xs, vs = evaluate(series, h)
                     ts = until
                 t = t_next
@@ -335,7 +226,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     if status != 0:
         x, v, held, settled = math.nan, math.nan, False, math.inf
     if i_time < n_times:
-        _write(row, i_time, n_times, x, v, x64, v64, x32, v32)
+        write(row, i_time, n_times, x, v, x64, v64, x32, v32)
     return v_max, first, settled, n_impacts, x, v, held, status
 
 
