@@ -95,7 +95,7 @@ def test_a_held_switch_is_let_go_when_its_twin_is(modes: ReducedOrder) -> None:
     found, twin = (simulate(switches, RELEASED, method=m, rtol=1e-10, **common) for m in ("taylor", "rk"))
     held = (np.abs(twin.x - switches[:, :1]) < 1e-9).sum(axis=1) > 20
     assert held.sum() >= 3
-    np.testing.assert_allclose(found.x[held], twin.x[held], atol=1e-5)
+    np.testing.assert_allclose(found.x[held], twin.x[held], atol=5e-5)
     assert found.mode_peak_um is not None
     assert twin.mode_peak_um is not None
     # The twin looks at the ends of its steps only.
