@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 from scipy.integrate import DOP853
 
+from softclose.compiled import cached_njit
 from softclose.kernel.pieces import voltage
 from softclose.kernel.results import store
 from softclose.kernel.source import UNCOUNTED, fingerprint
@@ -422,7 +423,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
 
 
 def _build(source: int, n_modes: int) -> Callable[..., None]:
-    @njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
+    @cached_njit(nogil=True, error_model="numpy", **UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
         lo,
         hi,

@@ -12,6 +12,7 @@ from typing import cast
 import numpy as np
 from numba import njit
 
+from softclose.compiled import cached_njit
 from softclose.kernel.pieces import voltage
 from softclose.kernel.release import release_time
 from softclose.kernel.results import store
@@ -226,7 +227,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
 
 
 def _build(source: int) -> Callable[..., None]:
-    @njit(cache=True, nogil=True, error_model="numpy")
+    @cached_njit(nogil=True, error_model="numpy")
     def run_block(  # type: ignore[no-untyped-def]
         lo,
         hi,

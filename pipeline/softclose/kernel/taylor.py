@@ -13,6 +13,7 @@ from typing import cast
 
 from numba import njit
 
+from softclose.compiled import cached_njit
 from softclose.kernel.bounces import learn, predict, symmetric_flight
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
 from softclose.kernel.drive_series import SHORT, short_return
@@ -231,7 +232,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
 
 
 def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., None]:
-    @njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
+    @cached_njit(nogil=True, error_model="numpy", **UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
         lo,
         hi,

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from softclose.compiled import cached_njit
 from softclose.conditions.trim import Trim
 from softclose.device.scaled import effective
 from softclose.kernel.dispatch import devices
@@ -101,7 +101,7 @@ def free_swing(rows: FloatArray, lot: Lot, *, instant_us: FloatArray) -> Swing:
     return Swing(reach=reach, x=state[:, :, 0], v=state[:, :, 1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@cached_njit(nogil=True, error_model="numpy")
 def _swing(rows, instant, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
     """Fills reach (n, m) and state (n, m, 2). Self-contained: compiled and cached code give the same bits."""
     n_finite = rows.shape[1] - 1

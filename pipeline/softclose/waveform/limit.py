@@ -11,6 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
+from softclose.compiled import cached_njit
+
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _SAMPLES = 16
 
@@ -93,13 +95,13 @@ def _largest(rows, n, begin, end, floor):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@cached_njit(nogil=True, error_model="numpy")
 def largest_sum(rows, horizon):  # type: ignore[no-untyped-def]
     """Largest sum in [0, horizon] [V] of the pulses (n_pulse, 4) start, rise, peak [µs], volts."""
     return _largest(rows, rows.shape[0], 0.0, horizon, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@cached_njit(nogil=True, error_model="numpy")
 def separate(rows, limit, target):  # type: ignore[no-untyped-def]
     """Delay pulses, in place, until the sum respects the limit [V].
 
