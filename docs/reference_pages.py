@@ -16,6 +16,8 @@ import typing
 from pathlib import Path
 from typing import Any
 
+from softclose.population.lot import COLUMNS
+
 GENERATED = "<!-- Generated from the code by docs/reference_pages.py; changes here are lost. -->\n\n"
 
 
@@ -150,8 +152,7 @@ def schema_page() -> str:
         "| array | dimensions | type | unit | meaning |",
         "| --- | --- | --- | --- | --- |",
     ]
-    for name, (meaning, unit) in fields.POPULATION.items():
-        lines.append(f"| `{name}` | switch | f8 | {cell(unit)} | {cell(meaning)} |")
+    lines += [f"| `{c.name}` | switch | f8 | {cell(c.unit)} | {cell(c.long_name)} |" for c in COLUMNS.values()]
     for title, specs in (
         ("Tables at the root", hierarchy.TABLES.values()),
         ("Arrays of a stage", (*hierarchy.BLOCK_SPECS.values(), hierarchy.MARKER)),

@@ -48,7 +48,7 @@ def layout(stages: Sequence[StageLayout] = (SEARCH, FINISH), **changes: Any) -> 
 
 def population(n: int = 12) -> dict[str, NDArray[np.float64]]:
     rng = np.random.default_rng(0)
-    return {name: rng.random(n) for name in (*"DGETKM", "voltage_scale", "time_scale")}
+    return {name: rng.random(n) for name in "DGETKM"}
 
 
 def create(

@@ -21,6 +21,7 @@ import softclose
 import softclose_store
 import softclose_workflows.api
 from softclose import settings
+from softclose.population.lot import COLUMNS
 from softclose_store.schema import fields, hierarchy
 
 INTERFACE = Path(reference_pages.__file__).parent / "reference" / "api.md"
@@ -36,7 +37,7 @@ def test_every_configuration_key_has_a_meaning() -> None:
 
 def test_every_array_and_field_is_on_the_page() -> None:
     page = reference_pages.schema_page()
-    arrays = [*hierarchy.TABLES, *hierarchy.BLOCK_SPECS, hierarchy.MARKER.name, *fields.POPULATION]
+    arrays = [*hierarchy.TABLES, *hierarchy.BLOCK_SPECS, hierarchy.MARKER.name, *COLUMNS]
     known = [f.name for f in (*fields.RECORDED, *fields.QUANTITIES, *fields.IMPACT_QUANTITIES)]
     assert [name for name in [*arrays, *known] if f"| `{name}` |" not in page] == []
 

@@ -20,12 +20,17 @@ if TYPE_CHECKING:
     from softclose.device.simulate import Responses as Responses
     from softclose.device.simulate import Status as Status
     from softclose.device.simulate import simulate as simulate
+    from softclose.evaluate import draw as draw
+    from softclose.evaluate import judge as judge
+    from softclose.evaluate import realise as realise
+    from softclose.evaluate import respond as respond
     from softclose.metrics.objective import Assessment as Assessment
     from softclose.metrics.objective import assess as assess
     from softclose.plugins import EngineError as EngineError
     from softclose.plugins import ModelError as ModelError
     from softclose.population import Population as Population
     from softclose.population import load_population as load_population
+    from softclose.population.lot import Lot as Lot
     from softclose.propose.protocol import Engine as Engine
     from softclose.propose.protocol import Observation as Observation
     from softclose.propose.protocol import Problem as Problem
@@ -38,7 +43,9 @@ if TYPE_CHECKING:
     from softclose.switch.reduced_order import ReducedOrder as ReducedOrder
     from softclose.switch.reduced_order import read_reduced_order as read_reduced_order
     from softclose.waveform import Pulse as Pulse
+    from softclose.waveform import Trace as Trace
     from softclose.waveform import Waveform as Waveform
+    from softclose.waveform import read_trace as read_trace
 
 _HOME = {
     "Assessment": "metrics.objective",
@@ -59,7 +66,14 @@ _HOME = {
     "ReducedOrder": "switch.reduced_order",
     "Responses": "device.simulate",
     "Status": "device.simulate",
+    "Trace": "waveform",
     "Waveform": "waveform",
+    "Lot": "population.lot",
+    "draw": "evaluate",
+    "judge": "evaluate",
+    "realise": "evaluate",
+    "respond": "evaluate",
+    "read_trace": "waveform",
     "assess": "metrics.objective",
     "load_config": "settings",
     "load_population": "population",
@@ -70,8 +84,15 @@ _HOME = {
 __all__ = [  # noqa: RUF022 - the order a reader meets them in
     "Pulse",
     "Waveform",
+    "Trace",
+    "read_trace",
     "Population",
     "load_population",
+    "Lot",
+    "draw",
+    "realise",
+    "respond",
+    "judge",
     "simulate",
     "Responses",
     "Status",

@@ -1,18 +1,26 @@
 """Owns the two reference designs that every campaign is compared with: the unshaped step and the deterministic design.
 
-Both are the paper's (§4.1). The deterministic design is solved for the mean switch alone, whatever the population.
+Both are the paper's (§4.1). The deterministic design is solved for the mean switch alone, whatever the population, in
+the device model that the campaign has: a design for an ideal plate leaves a damped or flexible one open.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.device.simulate import simulate
+from softclose.device.device import Device
+from softclose.device.drives import Drives
+from softclose.device.simulate import Responses
+from softclose.device.told import mean_switch, switches_of
+from softclose.plugins import SINGLE_MODE
 from softclose.population import Population
-from softclose.switch.plate import holding_voltage
+from softclose.population.lot import Lot
+from softclose.switch.losses import Losses
+from softclose.switch.plate import holding_voltage, resonance
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
 
 FloatArray = NDArray[np.float64]
@@ -20,7 +28,16 @@ FloatArray = NDArray[np.float64]
 SOFT_UM_PER_US = 1e-5
 """Largest contact speed of the mean switch that still counts as a soft landing [µm/µs]: 1e-3 cm/s."""
 
+SOFT_ENOUGH_UM_PER_US = 1e-3
+"""The same of a switch with losses or further modes: two pulses cannot silence a second mode [µm/µs]; 0.1 cm/s."""
+
 _RTOL = 1e-12
+
+COAST_US = 250.0
+"""How long a single pulse is given to bring the mean switch to contact [µs]."""
+
+_N_HELD = 4096
+"""Switches of which all are to be held, where no formula says the worst."""
 
 
 class BaselineError(ValueError):
@@ -32,13 +49,33 @@ def unshaped(volts: float = 100.0) -> Waveform:
     return Waveform([Pulse(0.0, 0.0, math.inf, volts)])
 
 
-def largest_holding_voltage(population: Population, plate_area_um2: float | None = None) -> float:
+def _ideal(plate_area_um2: float) -> Device:
+    """Eqs. 1-2."""
+    return Device(
+        name=SINGLE_MODE,
+        horizon_us=COAST_US,
+        restitution=0.5,
+        plate_area_um2=plate_area_um2,
+        rtol=_RTOL,
+        method="taylor",
+        losses=Losses(),
+    )
+
+
+def _run(device: Device, switch: FloatArray, waveform: Waveform) -> Responses:
+    return device.respond(Lot.of(switch[None]), Drives(command=waveform))
+
+
+def largest_holding_voltage(population: Population, device: Device) -> float:
     """Voltage [V] that holds every closed switch of the population, whatever its parameters within the bounds."""
+    if device.modes is not None:
+        drawn = population.sample_parameters(_N_HELD, seed=0, sampling="sobol")
+        return float(device.holding_voltage(switches_of(population, device, drawn), sticks=False).max())
     gap = population.G.upper
     # K D (G - D)² grows with K and G, and with D up to G/3.
     travel = min(max(gap / 3.0, population.D.lower), population.D.upper)
     k = float(population.extremes()[0].max())
-    return float(holding_voltage([travel, gap, k, 1.0], population.plate_area(plate_area_um2)))
+    return float(holding_voltage([travel, gap, k, 1.0], device.plate_area_um2))
 
 
 def deterministic_design(
@@ -49,6 +86,7 @@ def deterministic_design(
     hold_volts: float | None = None,
     plate_area_um2: float | None = None,
     horizon_us: float = 250.0,
+    device: Device | None = None,
 ) -> Waveform:
     """Two pulses that land the mean switch with no speed at all (paper §4.1).
 
@@ -57,13 +95,16 @@ def deterministic_design(
     At contact with no speed the net force must vanish and then press: so pulse 2 is started such that it passes
     the mean switch's holding voltage at the very instant of arrival. Width and start follow from the two
     conditions x = D and v = 0 at that instant. The solution is simulated, contact included, before it is returned.
+    device: what simulates, with its own plate area; Eqs. 1-2 where it is left out.
     Raises BaselineError where there is no such waveform.
     """
-    plate_area_um2 = population.plate_area(plate_area_um2)
-    switch = population.mean_switch
-    all_held = min(largest_holding_voltage(population, plate_area_um2), max_volts)
+    if device is None:
+        device = _ideal(population.plate_area(plate_area_um2))
+    device = replace(device, rtol=_RTOL, horizon_us=horizon_us)
+    switch = mean_switch(population, device)
+    all_held = min(largest_holding_voltage(population, device), max_volts)
     hold = all_held if hold_volts is None else float(hold_volts)
-    needed = float(holding_voltage(switch, plate_area_um2))
+    needed = float(device.holding_voltage(switch, sticks=False)[0])
     if not needed < hold <= max_volts:
         raise BaselineError(
             f"pulse 2 would hold at {hold:.4g} V; it must exceed {needed:.4g} V, which holds the mean switch of "
@@ -80,27 +121,20 @@ def deterministic_design(
 
     def miss(unknowns: FloatArray) -> FloatArray:
         peak_us, arrival_us = max(float(unknowns[0]), 0.0), max(float(unknowns[1]), lead_us + 1e-3)
-        end = simulate(
-            free[None],
-            design(peak_us, arrival_us),
-            horizon_us=arrival_us,
-            plate_area_um2=plate_area_um2,
-            rtol=_RTOL,
-            max_volts=math.inf,
-        )
+        end = _run(replace(device, horizon_us=arrival_us), free, design(peak_us, arrival_us))
         return np.array([end.final_x[0] - switch[0], end.final_v[0]])
 
     from scipy.optimize import root
 
-    guess = _coast(switch, max_volts, rise_us, plate_area_um2, population.name)
+    # The first swing: further modes may carry a narrower pulse to the contact on a later one.
+    first_swing = min(COAST_US, 1e3 / float(resonance(switch)) + 2.0 * rise_us)
+    guess = _coast(switch, max_volts, rise_us, replace(device, horizon_us=first_swing), population.name)
     # Length over speed is about 1 / (10 µs): xtol in µs is what limits x, and 1e-12 of 20 µs is far below 1e-7 µm.
     solution = root(miss, guess, method="hybr", options={"xtol": 1e-13})
     waveform = design(max(float(solution.x[0]), 0.0), max(float(solution.x[1]), lead_us))
-    landed = simulate(
-        switch[None], waveform, horizon_us=horizon_us, plate_area_um2=plate_area_um2, rtol=_RTOL, max_volts=math.inf
-    )
+    landed = _run(device, switch, waveform)
     speed = float(landed.max_contact_speed[0])
-    if not (speed <= SOFT_UM_PER_US and landed.closed[0]):
+    if not (speed <= (SOFT_UM_PER_US if device.scales else SOFT_ENOUGH_UM_PER_US) and landed.closed[0]):
         raise BaselineError(
             f"no two pulses of {max_volts:g} V and {hold:.4g} V rising in {rise_us:g} µs land the mean switch of "
             f"{population.name!r} softly (best found: contact at {speed * 100.0:.3g} cm/s, "
@@ -114,20 +148,19 @@ def deterministic_design(
     return waveform
 
 
-def _coast(switch: FloatArray, volts: float, rise_us: float, plate_area_um2: float, name: str) -> tuple[float, float]:
+def _coast(switch: FloatArray, volts: float, rise_us: float, device: Device, name: str) -> tuple[float, float]:
     """Width of the pulse that, alone, makes the switch just touch, and the instant at which it does [µs]."""
 
     def first_contact(peak_us: float) -> float:
         alone = Waveform([Pulse(0.0, rise_us, peak_us, volts)])
-        r = simulate(switch[None], alone, plate_area_um2=plate_area_um2, rtol=_RTOL, max_volts=math.inf)
-        return float(r.first_contact_us[0])
+        return float(_run(device, switch, alone).first_contact_us[0])
 
     if math.isfinite(first_contact(0.0)):
         raise BaselineError(
             f"a pulse of {volts:g} V without any flat top already drives the mean switch of {name!r} into contact: "
             "lower max_volts or rise_us"
         )
-    narrow, wide = 0.0, 250.0
+    narrow, wide = 0.0, COAST_US
     arrival = first_contact(wide)
     if not math.isfinite(arrival):
         raise BaselineError(f"{volts:g} V never bring the mean switch of {name!r} to contact: raise max_volts")

@@ -10,18 +10,24 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import reduce
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.evaluate import N_PARAMETERS, respond
+from softclose.conditions.streams import BRAKE
+from softclose.evaluate.chain import chain_of
+from softclose.evaluate.respond import cases_of, drives_of, respond_each
 from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_estimate
-from softclose.plugins import REDUCED_ORDER
+from softclose.population.lot import Lot
 from softclose.propose.descents import strategy
 from softclose.settings import CampaignConfig
 from softclose.switch.plate import holding_voltage
 from softclose.waveform import FloatArray, Pulse, Waveform
+
+if TYPE_CHECKING:
+    from softclose.device.simulate import Responses
 
 BAND = 0.05
 """A switch has settled where its displacement stays within this part of its travel."""
@@ -112,14 +118,14 @@ def opened(waveform: Waveform, at_us: float) -> Waveform:
 
 
 def judge_opening(
-    config: CampaignConfig, switches: FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
+    config: CampaignConfig, switches: Lot | FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
 ) -> Opening:
     """Judge a release: `let_go`, then `assess_opening`; parameters and errors are theirs."""
     return assess_opening(config, let_go(config, switches, waveform, at_us=at_us, threads=threads))
 
 
 def let_go(
-    config: CampaignConfig, switches: FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
+    config: CampaignConfig, switches: Lot | FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
 ) -> Released:
     """Simulate a release, and `opening.watch_us` after the fall began.
 
@@ -127,8 +133,8 @@ def let_go(
     ----------
     config : CampaignConfig
         Device model.
-    switches : (n, 4) ndarray
-        As `softclose.evaluate.draw` gives them.
+    switches : Lot
+        As `softclose.evaluate.draw` gives them. Where the times of its drive are scaled, so is all of its opening.
     waveform : Waveform
         The whole drive, its fall from `at_us` on.
     at_us : float
@@ -140,40 +146,55 @@ def let_go(
     -------
     Released
 
-    Raises
-    ------
-    OpeningError
-        Where each switch has a drive of its own, or its worst temperature.
+        Of each switch its worst, where the campaign tries several temperatures.
     """
-    if switches.shape[1] != N_PARAMETERS:
-        raise OpeningError("drives that differ from switch to switch ([trim], gain_error) fall at different instants")
-    if config.temperature.worst_of:
-        raise OpeningError(
-            "of each switch the worst temperature is told (temperature.worst_of), not the one it opens at"
-        )
+    lot = Lot.of(switches)
     times = np.linspace(0.0, config.opening.watch_us, LOOKS + 1)
-    horizon = at_us + float(times[-1])
-    longer = replace(
-        config, model=replace(config.model, horizon_us=horizon), opening=replace(config.opening, release_us=0.0)
+    each = respond_each(
+        config,
+        lot,
+        waveform,
+        horizon_us=at_us + float(times[-1]),
+        times_us=at_us + times,
+        max_impacts=256,
+        threads=threads,
     )
-    found = respond(longer, switches, waveform, times_us=at_us + times, max_impacts=256, threads=threads)
+    chain = chain_of(config)
+    slower = drives_of(chain, lot, waveform).times
+    cases = zip(cases_of(chain, lot), each, strict=True)
+    modes = chain.device.modes
+    soft = modes is not None and modes.contact is not None
+    seen = [_seen(waveform, case, found, at_us, times, slower, soft) for case, found in cases]
+    return reduce(_worse, seen)
+
+
+def _seen(
+    waveform: Waveform,
+    lot: Lot,
+    found: Responses,
+    at_us: float,
+    times: FloatArray,
+    slower: FloatArray | None,
+    soft: bool,
+) -> Released:
+    """What switches did in one case. A drive that is b times as slow is let go, and watched, b times as late."""
     assert found.x is not None
     assert found.v is not None
     assert found.impact_time_us is not None
-    x = np.asarray(found.x, dtype=np.float64) / switches[:, :1]
-    soft = config.model.name == REDUCED_ORDER and config.build_reduced_order().contact is not None
+    b = np.ones(len(lot)) if slower is None else slower
+    x = np.asarray(found.x, dtype=np.float64) / lot["D"][:, None]
     # In contact is at the travel or, by a compliant contact's indentation, beyond it.
     slow = np.abs(np.asarray(found.v)[:, 0]) < (AT_REST_SOFT if soft else AT_REST)
     held = (x[:, 0] > 1.0 - 1e-6) & slow & (found.status == 0)
     away = x < 1.0 - 1e-6
     left = away.any(axis=1)
-    leaves = at_us + times[np.where(left, away.argmax(axis=1), 0)]
+    leaves = b * (at_us + times[np.where(left, away.argmax(axis=1), 0)])
     later = np.asarray(found.impact_time_us) > leaves[:, None]
     outside = np.abs(x) > BAND
     last = np.where(outside.any(axis=1), times.size - 1 - outside[:, ::-1].argmax(axis=1), 0)
     # A switch that swings for ever crosses the band once in half a period: only half a period inside it is rest.
-    half_us = math.pi * np.sqrt(switches[:, 3] / (1e-3 * switches[:, 2]))
-    settling = np.where(times[-1] - times[last] < half_us, math.inf, times[last])
+    half_us = math.pi * np.sqrt(lot["M"] / (1e-3 * lot["K"]))
+    settling = np.where(b * (times[-1] - times[last]) < half_us, math.inf, b * times[last])
     return Released(
         waveform=waveform,
         held=held,
@@ -183,6 +204,19 @@ def let_go(
         settling_us=np.where(held, settling, math.nan),
         times_us=times,
         quantiles=np.quantile(x[held], (0.05, 0.5, 0.95), axis=0) if held.any() else np.full((3, times.size), math.nan),
+    )
+
+
+def _worse(a: Released, b: Released) -> Released:
+    """Of each switch its worse case: judged where it is held in both; the motion drawn is that of the first."""
+    held = a.held & b.held
+    return replace(
+        a,
+        held=held,
+        stuck=held & (a.stuck | b.stuck),
+        rebound=held & (a.rebound | b.rebound),
+        overshoot=np.where(held, np.fmax(a.overshoot, b.overshoot), math.nan),
+        settling_us=np.where(held, np.fmax(a.settling_us, b.settling_us), math.nan),
     )
 
 
@@ -224,7 +258,7 @@ def assess_opening(config: CampaignConfig, released: Released) -> Opening:
 
 def design_brake(
     config: CampaignConfig,
-    switches: FloatArray,
+    switches: Lot | FloatArray,
     waveform: Waveform,
     *,
     at_us: float,
@@ -255,8 +289,9 @@ def design_brake(
         With the brake as its last pulse; as it was where none is better.
     """
     released = waveform.pulses[-1]
-    period = 2e3 * math.pi * math.sqrt(np.median(switches[:, 3] / switches[:, 2]) / 1e6)
-    highest = min(config.waveform.max_volts, 1.5 * float(np.median(holding_voltage(switches))) + 60.0)
+    lot = Lot.of(switches)
+    period = 2e3 * math.pi * math.sqrt(np.median(lot["M"] / lot["K"]) / 1e6)
+    highest = min(config.waveform.max_volts, 1.5 * float(np.median(holding_voltage(lot.switches))) + 60.0)
     low = np.array([0.0, config.waveform.min_rise_us, 0.0, 0.0])
     high = np.array([released.rise_us + period, config.waveform.min_rise_us + 0.5 * period, 0.5 * period, highest])
 
@@ -270,7 +305,7 @@ def design_brake(
         o = judge_opening(config, switches, candidate, at_us=at_us, threads=threads)
         return o.overshoot + REBOUND_COST * (o.p_rebound.estimate + o.p_stuck.estimate)
 
-    draw = np.random.default_rng(np.random.SeedSequence([seed, 19]))
+    draw = np.random.default_rng(np.random.SeedSequence([seed, BRAKE]))
     best, least, done = waveform, cost(waveform), 1
     descent = strategy(np.array([0.4, 0.3, 0.2, 0.4]), np.ones(4), 0.25, GENERATION, draw)
     with warnings.catch_warnings():

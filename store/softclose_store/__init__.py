@@ -18,10 +18,10 @@ from softclose_store.errors import (
     StoreMissingError,
 )
 from softclose_store.groups import GroupArray, ResultGroup, group_attributes, list_groups, read_group, write_group
-from softclose_store.read.arrays import read_switches
+from softclose_store.read.arrays import read_population
 from softclose_store.read.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
 from softclose_store.schema.digests import assessed_digest, canonical_json, fingerprint_of, proposals_digest
-from softclose_store.schema.fields import IMPACT_QUANTITIES, QUANTITIES, SCHEMA_VERSION
+from softclose_store.schema.fields import IMPACT_QUANTITIES, QUANTITIES, SCHEMA_VERSION, PopulationColumn
 from softclose_store.schema.layout import MIN_INNER, Layout, StageLayout, largest_inner
 from softclose_store.write.block import write_block
 from softclose_store.write.create import StoreState, create_campaign, store_state
@@ -45,6 +45,7 @@ __all__ = [
     "LockedError",
     "OtherAlgorithmError",
     "OtherConfigurationError",
+    "PopulationColumn",
     "Recompute",
     "RecordError",
     "RepairReport",
@@ -73,7 +74,7 @@ __all__ = [
     "path_text",
     "proposals_digest",
     "read_group",
-    "read_switches",
+    "read_population",
     "remove_orphans",
     "repair",
     "store_state",

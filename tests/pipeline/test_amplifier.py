@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from softclose import Pulse, Waveform
+import by_hand
+from softclose import Pulse, Waveform, simulate
 from softclose.conditions.amplifier import TOLERANCE_VOLTS, AmplifierSection, deliver
 from softclose.evaluate import draw, respond
+from softclose.population.lot import LotError
 from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.waveform import Trace, WaveformError
 
@@ -91,9 +93,12 @@ def test_switches_get_what_is_delivered_and_a_trace_goes_past_the_amplifier() ->
     plain, config = load_config("current"), load_config("current", ["amplifier.bandwidth_kHz=60"])
     switches = plain.build_population().sample(200, seed=1)
     ours = respond(config, switches, DRIVE)
-    trace = deliver(config.amplifier, DRIVE, config.model.horizon_us)
-    for theirs in (respond(plain, switches, trace), respond(config, switches, trace)):
-        np.testing.assert_array_equal(ours.max_contact_speed, theirs.max_contact_speed)
+    t = np.linspace(0.0, 250.0, 10_001)
+    trace = Trace(t, deliver(config.amplifier, DRIVE, config.model.horizon_us).voltage(t))
+    theirs = respond(config, switches, trace)
+    np.testing.assert_array_equal(respond(plain, switches, trace).max_contact_speed, theirs.max_contact_speed)
+    apart = np.abs(ours.max_contact_speed - theirs.max_contact_speed) * 100.0
+    assert np.nanquantile(apart, 0.95) < 0.01
     ideal = respond(plain, switches, DRIVE)
     assert np.nanmedian(np.abs(ours.max_contact_speed - ideal.max_contact_speed)) * 100.0 > 0.5
 
@@ -131,75 +136,123 @@ def test_what_no_amplifier_has_is_named(setting: str, said: str) -> None:
     assert said in str(e.value)
 
 
-def test_trim_and_an_amplifier_exclude_each_other() -> None:
-    with pytest.raises(ConfigError, match="leave one of them out"):
-        load_config("current-trim", ["amplifier.bandwidth_kHz=60"])
+def test_a_trimmed_command_is_what_the_amplifier_delivers() -> None:
+    """Each switch's own scaled command goes through the filter, whose time constants are the same for all."""
+    config = load_config("current-trim", ["amplifier.bandwidth_kHz=60", "amplifier.slew_volts_per_us=40"])
+    lot = draw(config, 8, seed=5)
+    found = respond(config, lot, DRIVE)
+    alone = by_hand.respond(config, by_hand.rows(config, 8, seed=5), DRIVE)
+    np.testing.assert_allclose(found.max_contact_speed, alone.max_contact_speed, rtol=1e-9)
+    np.testing.assert_allclose(found.settling_us, alone.settling_us, rtol=1e-9)
+    np.testing.assert_array_equal(found.closed, alone.closed)
+    plain = respond(load_config("current-trim"), lot, DRIVE)
+    assert (np.abs(found.max_contact_speed / plain.max_contact_speed - 1.0) > 1e-4).all()
 
 
 SCATTER = ["amplifier.gain_error=0.01", "amplifier.time_error=0.005", "population.n_switches=300"]
 
 
+def _clocked(clock: float, volts: float = 1.0) -> Waveform:
+    """The command by a generator whose clock is that much slower."""
+    return Waveform(
+        [Pulse(p.start_us * clock, p.rise_us * clock, p.peak_us * clock, p.volts * volts) for p in DRIVE.pulses]
+    )
+
+
 def test_random_errors_of_the_drive_are_those_of_each_switch_s_own_waveform() -> None:
     config = load_config({}, SCATTER)
     lot = draw(config, 40, seed=5)
-    assert lot.shape == (40, 6)
     found = respond(config, lot, DRIVE)
     plain = load_config({})
     for i in (0, 7, 39):
-        a, b = lot[i, 4:]
-        own = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
-        alone = respond(plain, lot[i : i + 1, :4], own)
+        own = _clocked(lot["clock"][i], lot["gain"][i])
+        alone = respond(plain, lot.switches[i : i + 1], own)
         np.testing.assert_allclose(found.max_contact_speed[i], alone.max_contact_speed[0], rtol=1e-6, equal_nan=True)
 
 
 def test_random_errors_are_common_to_all_candidates_and_keyed_by_the_switch() -> None:
     config = load_config({}, SCATTER)
     whole = draw(config, 3000, seed=5)
-    np.testing.assert_array_equal(draw(config, 10, seed=5, start=20), whole[20:30])
-    np.testing.assert_array_equal(draw(load_config({}), 3000, seed=5), whole[:, :4])
-    np.testing.assert_allclose(whole[:, 4:].std(axis=0), [0.01, 0.005], rtol=0.05)
-    assert abs(np.corrcoef(whole[:, 4], whole[:, 2])[0, 1]) < 0.06
+    later = draw(config, 10, seed=5, start=20)
+    for name in whole:
+        np.testing.assert_array_equal(later[name], whole[name][20:30])
+    np.testing.assert_array_equal(draw(load_config({}), 3000, seed=5).switches, whole.switches)
+    np.testing.assert_allclose([whole["gain"].std(), whole["clock"].std()], [0.01, 0.005], rtol=0.05)
+    assert abs(np.corrcoef(whole["gain"], whole["K"])[0, 1]) < 0.06
+    assert abs(np.corrcoef(whole["gain"], whole["clock"])[0, 1]) < 0.06
 
 
 def test_random_errors_reach_a_delivered_drive_and_a_model_of_losses() -> None:
-    switches = draw(load_config({}, SCATTER), 12, seed=5)
+    lot = draw(load_config({}, SCATTER), 12, seed=5)
     filtered = load_config({}, [*SCATTER, "amplifier.bandwidth_kHz=80"])
-    alone = respond(load_config({}, ["amplifier.bandwidth_kHz=80"]), switches[:, :4], DRIVE)
-    scatter = respond(filtered, switches, DRIVE).max_contact_speed
+    alone = respond(load_config({}, ["amplifier.bandwidth_kHz=80"]), lot.switches, DRIVE)
+    scatter = respond(filtered, lot, DRIVE).max_contact_speed
     assert (np.abs(scatter / alone.max_contact_speed - 1.0) > 1e-4).all()
     damped = load_config({}, [*SCATTER, "model.quality_factor=30"])
-    found = respond(damped, switches, DRIVE)
-    a, b = switches[3, 4:]
-    own = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
-    one = respond(load_config({}, ["model.quality_factor=30", f"model.horizon_us={250 * b}"]), switches[3:4, :4], own)
-    assert found.final_x[3] == pytest.approx(one.final_x[0], rel=1e-9)
+    found = respond(damped, lot, DRIVE)
+    a, b = lot["gain"][3], lot["clock"][3]
+    slower = load_config({}, ["model.quality_factor=30", f"model.horizon_us={250 * b}"])
+    one = respond(slower, lot.switches[3:4], _clocked(b, a))
+    assert found.final_x[3] == pytest.approx(one.final_x[0], rel=1e-7)
     both = load_config({}, [*SCATTER, "model.quality_factor=30", "amplifier.bandwidth_kHz=80"])
-    found = respond(both, switches, DRIVE)
-    delivered = deliver(both.amplifier, DRIVE, 250.0)
-    own_trace = Trace(delivered.times_us * b, delivered.volts * a)
-    one = respond(
-        load_config({}, ["model.quality_factor=30", f"model.horizon_us={250 * b}"]), switches[3:4, :4], own_trace
-    )
-    assert found.max_contact_speed[3] == pytest.approx(one.max_contact_speed[0], rel=1e-9)
-    assert found.settling_us[3] == pytest.approx(one.settling_us[0], rel=1e-9)
+    found = respond(both, lot, DRIVE)
+    for i in (3, 8):
+        a, b = lot["gain"][i], lot["clock"][i]
+        slower = load_config({}, ["model.quality_factor=30", f"model.horizon_us={250 * b}"])
+        one = respond(slower, lot.switches[i : i + 1], deliver(both.amplifier, _clocked(b), 250.0 * b, a))
+        assert found.max_contact_speed[i] == pytest.approx(one.max_contact_speed[0], rel=1e-6)
+        assert found.settling_us[i] == pytest.approx(one.settling_us[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "setting", ["slew_volts_per_us=30", "offset_volts=2", "resolution_volts=1", "delay_us=4", "resolution_us=2"]
+)
+def test_a_clock_scales_the_command_and_no_time_of_the_amplifier_s(setting: str) -> None:
+    """Delay, slew and steps of the output stay what they are; the gain of each comes where the amplifier's own is."""
+    config = load_config({}, ["amplifier.gain_error=0.05", "amplifier.time_error=0.05", f"amplifier.{setting}"])
+    lot = draw(config, 6, seed=5)
+    found = respond(config, lot, DRIVE)
+    for i in range(6):
+        a, b = lot["gain"][i], lot["clock"][i]
+        own = deliver(config.amplifier, _clocked(b), 250.0 * b, a)
+        one = simulate(lot.switches[i : i + 1], own, horizon_us=250.0 * b, max_volts=math.inf)
+        assert found.max_contact_speed[i] == pytest.approx(one.max_contact_speed[0], rel=1e-6)
+        assert found.final_x[i] == pytest.approx(one.final_x[0], abs=1e-5)
 
 
 def test_a_random_error_is_not_held_within_the_limits_of_the_command() -> None:
     """The search keeps waveform.max_volts; an amplifier whose gain is high delivers more."""
     config = load_config({}, [*SCATTER, "model.quality_factor=30", "waveform.max_volts=138"])
     lot = draw(config, 12, seed=5)
-    i = int(lot[:, 4].argmax())
-    a, b = lot[i, 4:]
+    i = int(lot["gain"].argmax())
+    a, b = lot["gain"][i], lot["clock"][i]
     assert a > 1.005
-    own = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
     found = respond(config, lot, DRIVE)
-    alone = respond(load_config({}, ["model.quality_factor=30"]), lot[i : i + 1, :4], own)
+    alone = respond(load_config({}, ["model.quality_factor=30"]), lot.switches[i : i + 1], _clocked(b, a))
     assert found.max_contact_speed[i] == pytest.approx(alone.max_contact_speed[0], rel=1e-9)
 
 
-def test_trim_and_random_errors_exclude_each_other() -> None:
-    with pytest.raises(ConfigError, match="leave one of them out"):
-        load_config({}, [*SCATTER, "trim.measured=pull-in"])
+def test_random_errors_multiply_the_scales_of_a_trimmed_drive_after_its_limits() -> None:
+    """Limits are kept by the command; what generator and amplifier do wrong comes on top of it."""
+    config = load_config("current-trim", ["amplifier.gain_error=0.03", "amplifier.time_error=0.03"])
+    lot = draw(config, 12, seed=5)
+    rows = by_hand.rows(config, 12, seed=5)
+    for name, ours in {"gain": "gain", "clock": "clock", "a": "voltage_scale", "b": "time_scale"}.items():
+        np.testing.assert_allclose(lot[ours], [row[name] for row in rows], rtol=1e-12)
+    found, alone = respond(config, lot, DRIVE), by_hand.respond(config, rows, DRIVE)
+    np.testing.assert_allclose(found.max_contact_speed, alone.max_contact_speed, rtol=1e-5)
+    np.testing.assert_allclose(found.settling_us, alone.settling_us, rtol=1e-5)
+    everybody = respond(config, lot, DRIVE, for_everybody=True)
+    alike = by_hand.respond(config, rows, DRIVE, tailored=False)
+    np.testing.assert_allclose(everybody.max_contact_speed, alike.max_contact_speed, rtol=1e-5)
+    assert (np.abs(everybody.max_contact_speed / found.max_contact_speed - 1.0) > 1e-3).all()
+
+
+def test_a_lot_that_was_drawn_without_errors_has_none_to_be_driven_with() -> None:
+    with pytest.raises(LotError, match="the lot has no column gain"):
+        respond(load_config({}, SCATTER), draw(load_config({}), 3, seed=1), DRIVE)
+    with pytest.raises(LotError, match="the lot has no column voltage_scale"):
+        respond(load_config("current-trim"), draw(load_config({}), 3, seed=1), DRIVE)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.013, 20.04, 33.337])

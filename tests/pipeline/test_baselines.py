@@ -17,8 +17,12 @@ from softclose.baselines import (
     largest_holding_voltage,
     unshaped,
 )
+from softclose.evaluate.chain import device_of
 from softclose.population.distributions import Bounded, PopulationError
+from softclose.settings import load_config
 from softclose.switch.plate import EPSILON_0, PLATE_AREA_UM2, holding_voltage
+
+PLATE = device_of(load_config({}))
 
 
 @pytest.mark.parametrize("name", ["current", "modified", "process-improved", "paper-text"])
@@ -68,8 +72,8 @@ def test_the_default_hold_voltage_holds_every_switch() -> None:
     for name in ("current", "modified", "process-improved"):
         population = load_population(name)
         most = float(holding_voltage(population.sample(20_000, seed=1)).max())
-        assert 0.85 * largest_holding_voltage(population) < most < largest_holding_voltage(population)
-    assert 80.0 < largest_holding_voltage(load_population("current")) < 90.0
+        assert 0.85 * largest_holding_voltage(population, PLATE) < most < largest_holding_voltage(population, PLATE)
+    assert 80.0 < largest_holding_voltage(load_population("current"), PLATE) < 90.0
 
 
 def test_the_largest_holding_voltage_may_lie_inside_the_range_of_travel() -> None:
@@ -78,7 +82,7 @@ def test_the_largest_holding_voltage_may_lie_inside_the_range_of_travel() -> Non
     travel = np.linspace(0.5, 2.5, 2001)
     k = wide.summary()["K_upper_N_per_m"]
     every = holding_voltage(np.stack([travel, 0 * travel + wide.G.upper, 0 * travel + k, 1 + 0 * travel], axis=1))
-    assert largest_holding_voltage(wide) == pytest.approx(float(every.max()), rel=1e-6)
+    assert largest_holding_voltage(wide, PLATE) == pytest.approx(float(every.max()), rel=1e-6)
 
 
 def test_baselines_on_the_ensemble_are_near_the_published_figures() -> None:
@@ -113,8 +117,9 @@ def test_the_unshaped_drive_is_an_ideal_step() -> None:
 def test_a_fitted_population_is_designed_for_on_its_own_plate_area() -> None:
     current = load_population("current")
     fitted = replace(current, plate_area_um2=15000.0)
-    assert (
-        largest_holding_voltage(fitted) == largest_holding_voltage(current, 15000.0) > largest_holding_voltage(current)
+    smaller = replace(PLATE, plate_area_um2=15000.0)
+    assert largest_holding_voltage(current, smaller) == pytest.approx(
+        largest_holding_voltage(current, PLATE) * (PLATE.plate_area_um2 / 15000.0) ** 0.5
     )
     assert deterministic_design(fitted) == deterministic_design(current, plate_area_um2=15000.0)
     with pytest.raises(PopulationError, match="fitted with 15000 µm²"):

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from softclose import Waveform, assess
 from softclose.evaluate import draw, evaluate, judge, respond
-from softclose.metrics.objective import Judged, ObjectiveError
+from softclose.metrics.objective import Judged, ObjectiveError, in_time
 from softclose.settings import ConfigError, load_config
 
 
@@ -115,7 +115,13 @@ def test_a_switch_that_is_held_too_late_counts_as_open():
     limit = float(settled[settled.size // 3]) + 1e-6
     strict = replace(plain, objective=replace(plain.objective, closed_by_us=limit))
     again = respond(strict, lot, drive)
-    np.testing.assert_array_equal(again.closed, found.closed & (found.settling_us <= limit))
+    np.testing.assert_array_equal(again.closed, found.closed, "what a switch does is as it was")
+    by_then = found.closed & (found.settling_us <= limit)
+    np.testing.assert_array_equal(in_time(again, limit), by_then)
+    np.testing.assert_array_equal(in_time(again, 0.0), found.closed)
+    judged_strictly = judge(strict, found)
+    assert judged_strictly.p_nc == np.mean(~by_then)
+    assert (judged_strictly.closed_by_us, judge(plain, found).closed_by_us) == (limit, 0.0)
     assert evaluate(strict, lot, drive).p_nc > evaluate(plain, lot, drive).p_nc + 0.4
     np.testing.assert_array_equal(again.max_contact_speed, found.max_contact_speed)
 

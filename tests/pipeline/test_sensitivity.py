@@ -12,6 +12,7 @@ import pytest
 from softclose import load_population
 from softclose.baselines import unshaped
 from softclose.population import PopulationError
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig, load_config
 from softclose.uncertainty import sensitivity as module
 from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
@@ -19,9 +20,9 @@ from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
 CURRENT = load_population("current")
 
 
-def _linear(config: object, switches: np.ndarray, waveform: object) -> Any:
+def _linear(config: object, lot: Lot, waveform: object) -> Any:
     """V = D + 2 G, closed where D is below its median: a model with known indices."""
-    d, g = switches[:, 0], switches[:, 1]
+    d, g = lot["D"], lot["G"]
     return SimpleNamespace(max_contact_speed=d + 2.0 * g, closed=d < 2.42)
 
 
@@ -40,9 +41,9 @@ def test_indices_of_an_additive_model_are_its_variance_shares(monkeypatch: pytes
 
 
 def test_a_switch_that_never_touches_counts_as_0_and_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    def sometimes(config: object, switches: np.ndarray, waveform: object) -> Any:
-        touches = switches[:, 1] < 3.67
-        return SimpleNamespace(max_contact_speed=np.where(touches, 0.2, np.nan), closed=np.ones(len(switches), bool))
+    def sometimes(config: object, lot: Lot, waveform: object) -> Any:
+        touches = lot["G"] < 3.67
+        return SimpleNamespace(max_contact_speed=np.where(touches, 0.2, np.nan), closed=np.ones(len(lot), bool))
 
     monkeypatch.setattr(module, "respond", sometimes)
     s = sensitivity(CURRENT, unshaped(), n=256, n_replicates=3)
@@ -71,9 +72,9 @@ def test_sizes_that_give_no_indices_are_refused() -> None:
 def test_a_fitted_population_is_asked_on_its_own_plate_area(monkeypatch: pytest.MonkeyPatch) -> None:
     used: list[float] = []
 
-    def noted(config: CampaignConfig, switches: np.ndarray, waveform: object) -> Any:
+    def noted(config: CampaignConfig, lot: Lot, waveform: object) -> Any:
         used.append(config.model.plate_area_um2)
-        return _linear(config, switches, waveform)
+        return _linear(config, lot, waveform)
 
     monkeypatch.setattr(module, "respond", noted)
     fitted = replace(CURRENT, plate_area_um2=15000.0)
@@ -81,3 +82,52 @@ def test_a_fitted_population_is_asked_on_its_own_plate_area(monkeypatch: pytest.
     assert set(used) == {15000.0}
     with pytest.raises(PopulationError, match="fitted with 15000 µm²"):
         sensitivity(fitted, unshaped(), n=2, n_replicates=2, config=load_config({}))
+
+
+def test_what_conditions_draw_has_indices_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An additive model of a gap, a gain, a clock, a temperature and a voltage scale, whose shares are known."""
+    config = load_config(
+        {
+            "trim": {"measured": "pull-in", "pull_in_error": 0.1},
+            "amplifier": {"gain_error": 0.02, "time_error": 0.01},
+            "temperature": {"celsius": [-40, 85], "stiffness": [1.0, 1.0], "low_C": -40, "high_C": 85},
+        }
+    )
+
+    def additive(config: object, lot: Lot, waveform: object) -> Any:
+        v = lot["gain"] - 1.0 + 3.0 * (lot["clock"] - 1.0) + 1e-4 * lot["celsius"]
+        return SimpleNamespace(max_contact_speed=v, closed=lot["gain"] < 1.0)
+
+    monkeypatch.setattr(module, "respond", additive)
+    s = sensitivity(CURRENT, unshaped(), n=512, n_replicates=4, config=config)
+    parts = np.array([0.02**2, 0.03**2, (1e-4 * 125.0) ** 2 / 12.0])
+    shares = dict(zip(("gain", "clock", "temperature"), parts / parts.sum(), strict=True))
+    names = [i.variable for i in s.indices if i.output == "v_cm_s"]
+    assert names == [*CURRENT.variables, "error of pull-in voltage", "error of resonance", *shares]
+    for i in s.indices:
+        truth = shares.get(i.variable, 0.0) if i.output == "v_cm_s" else float(i.variable == "gain")
+        assert i.first == pytest.approx(truth, abs=0.03)
+        assert i.total == pytest.approx(truth, abs=0.03)
+    assert s.n_simulated == (9 + 2) * 512 * 4
+
+
+def test_a_drive_of_its_own_takes_the_lot_s_share_and_leaves_that_of_gain() -> None:
+    """On the shipped model: with scales that are known exactly, less is left of the lot, and more of errors of gain."""
+    exact = {"trim": {"measured": "pull-in and resonance", "pull_in_error": 0.0, "resonance_error": 0.0}}
+    shares = []
+    for settings in ({}, exact):
+        config = load_config(settings | {"amplifier": {"gain_error": 0.05}})
+        s = sensitivity(CURRENT, unshaped(), n=64, n_replicates=4, seed=2, config=config)
+        shares.append({i.variable: i.total for i in s.indices if i.output == "v_cm_s"})
+        assert shares[-1]["clock"] == pytest.approx(0.0, abs=1e-9)
+    assert shares[1]["T"] < 0.6 * shares[0]["T"]
+    assert shares[1]["gain"] > 1.5 * shares[0]["gain"]
+
+
+def test_closing_too_late_is_a_failure_to_close() -> None:
+    early, late = (
+        sensitivity(CURRENT, unshaped(), n=32, n_replicates=2, config=load_config({"objective": {"closed_by_us": t}}))
+        for t in (1.0, 0.0)
+    )
+    assert early.p_closed == 0.0
+    assert late.p_closed > 0.9

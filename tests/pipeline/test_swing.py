@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from softclose import load_population
+from softclose.evaluate.chain import chain_of
 from softclose.kernel.dispatch import devices
 from softclose.population.distributions import Bounded
 from softclose.propose.design import ARRIVALS, BLOCK, COMPENSATION, design_point
 from softclose.propose.protocol import Problem
-from softclose.propose.swing import FARTHEST, Lot, Swing, free_swing
+from softclose.propose.swing import FARTHEST, FewSwitches, Swing, free_swing
 from softclose.settings import load_config
 from softclose.switch.plate import PLATE_AREA_UM2
 from softclose.waveform import Waveform
@@ -72,7 +73,7 @@ def test_the_strong_hold_closes_99_of_100_and_the_weak_one_holds_90(
         D=Bounded(lower=travel[0], upper=travel[1]),
         G=Bounded(lower=gap[0], upper=gap[1]),
     )
-    lot = Lot.of(population, plate_area_um2=PLATE_AREA_UM2)
+    lot = FewSwitches.of(population, chain_of(load_config({})).device)
     d, g, c, k = devices(population.sample(1024, seed=0, sampling="sobol"), PLATE_AREA_UM2).T
 
     def closing(volts: float) -> float:
@@ -95,7 +96,7 @@ def test_pulses_that_slam_are_all_alike() -> None:
 @pytest.mark.parametrize("population", ["current", "modified", "process-improved", "paper-text"])
 def test_hold_bounds_enclose_what_holds_the_mean_switch(population: str) -> None:
     p = problem(population)
-    lot = Lot.of(p.population, plate_area_um2=p.config.model.plate_area_um2)
+    lot = FewSwitches.of(p.population, chain_of(p.config).device)
     assert p.space.scales.hold_volts < lot.weak_hold_volts < lot.strong_hold_volts
     assert lot.strong_hold_volts > p.space.scales.pull_in_volts
 

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
+import by_hand
 from softclose import Waveform
+from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
 from softclose.settings import load_config
 from softclose.uncertainty import tails as module
-from softclose.uncertainty.tails import STREAM, TailError, tail
+from softclose.uncertainty.tails import TailError, tail
 
 pytest.importorskip("openturns")
 
@@ -34,7 +36,7 @@ def known(monkeypatch):
         monkeypatch.setattr(
             module,
             "draw",
-            lambda config, n, *, seed, start, stream: np.random.default_rng((seed, start)).standard_normal((n, 4)),
+            lambda config, n, *, seed, start, ensemble: np.random.default_rng((seed, start)).standard_normal((n, 4)),
         )
         return load_config({})
 
@@ -132,7 +134,7 @@ def test_a_limit_that_nothing_reaches_costs_no_other_method_its_row(known):
 def test_brute_force_is_the_share_of_fresh_switches_and_open_ones():
     config = load_config({})
     found = [tail(config, DRIVE, event, methods=["brute"], n_switches=3000, seed=4)[0] for event in ("fast", "open")]
-    r = respond(config, draw(config, 3000, seed=4, stream=STREAM), DRIVE)
+    r = respond(config, draw(config, 3000, seed=4, ensemble=Ensemble.TAIL), DRIVE)
     assert found[0].probability == np.mean(np.nan_to_num(r.max_contact_speed) > 0.197)
     assert found[1].probability == np.mean(~r.closed)
     assert found[0].interval[0] < found[0].probability < found[0].interval[1]
@@ -188,12 +190,53 @@ def test_without_openturns_it_says_what_to_install(monkeypatch):
     assert tail(load_config({}), DRIVE, "fast", methods=["brute"], n_switches=100)
 
 
-def test_drives_trimmed_by_contact_times_have_brute_force_only():
-    config = load_config({"trim": {"measured": "contact times"}})
-    brute, form = tail(config, DRIVE, "fast", methods=["brute", "form"], n_switches=100)
-    assert 0.0 <= brute.probability <= 1.0
-    assert math.isnan(form.probability)
-    assert form.note.endswith("use brute")
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["trim.measured=contact times"],
+        ["trim.measured=contact times", "amplifier.gain_error=0.02", "amplifier.time_error=0.01"],
+    ],
+)
+def test_sampling_agrees_with_brute_force_where_drives_are_learned(settings):
+    """Errors of timing are coordinates like any other: every method sees the lot that brute force sees."""
+    config = load_config({}, settings)
+    drive = Waveform.from_rows([(0.0, 6.0, 1.0, 120.0), (24.0, 20.0, None, 72.0)])
+    brute, other = tail(
+        config, drive, "fast", limit_cm_s=20.0, methods=("brute", "importance"), n_switches=20_000, relative_error=0.1
+    )
+    assert 1e-4 < brute.probability < 0.6
+    spread = 0.5 * math.log(brute.interval[1] / brute.interval[0])
+    assert abs(math.log(other.probability / brute.probability)) < 3.0 * math.hypot(spread / 2.0, 0.1)
+
+
+EVERYTHING = {
+    "trim": {"measured": "pull-in and resonance"},
+    "amplifier": {"gain_error": 0.01, "time_error": 0.01},
+    "temperature": {"celsius": [-40, 20, 85], "stiffness": [1.06, 1.0, 0.93], "low_C": -40, "high_C": 85},
+}
+
+
+def test_a_point_of_the_space_is_the_switch_at_those_uniform_numbers():
+    """Every condition at once: four variables, two errors of measurement, gain and clock, temperature."""
+    config = load_config(EVERYTHING)
+    space = module._Space(config, DRIVE, "fast", 19.7, 1)
+    assert space.dim == 9
+    normal = np.random.default_rng(5).standard_normal((6, 9))
+    u = norm.cdf(normal)
+    keys = (0, by_hand.MEASUREMENT, by_hand.DRIVE, by_hand.TEMPERATURE)
+    rows = by_hand.at(config, dict(zip(keys, np.split(u, [4, 6, 8], axis=1), strict=True)))
+    alone = by_hand.respond(config, rows, DRIVE).max_contact_speed
+    np.testing.assert_allclose(space(normal)[:, 0], 100.0 * np.nan_to_num(alone), rtol=1e-5)
+
+
+def test_a_switch_that_closes_too_late_is_open():
+    """closed_by_us counts here as everywhere else; the measure of failure is above 0 just where it does."""
+    drive = Waveform.from_rows([(0.0, 4.0, 6.0, 150.0), (25.0, 20.0, None, 80.0)])
+    config = load_config({"objective": {"closed_by_us": 90.0}})
+    found = tail(config, drive, "open", methods=["brute"], n_switches=2000, seed=4)[0]
+    r = respond(config, draw(config, 2000, seed=4, ensemble=Ensemble.TAIL), drive)
+    late = ~(r.closed & (r.settling_us <= 90.0))
+    assert found.probability == np.mean(late) > np.mean(~r.closed) + 0.05
 
 
 def test_the_space_of_a_trimmed_lot_has_a_coordinate_for_each_error():
@@ -202,8 +245,10 @@ def test_the_space_of_a_trimmed_lot_has_a_coordinate_for_each_error():
     assert space.dim == 6
     u = np.zeros((3, 6))
     u[1, 4], u[2, 5] = 2.0, 2.0
-    plain, volts, time = space.lot(u)
-    np.testing.assert_array_equal(volts[:4], plain[:4])
-    assert volts[4] / plain[4] > 1.015  # a pull-in voltage read 2 % too high drives higher
-    assert time[5] / plain[5] < 0.992  # a frequency read 2 % too high drives faster
-    assert abs(time[4] / plain[4] - 1.0) < 0.006
+    lot = space.lot(u)
+    for name in "DGETKM":
+        assert len({*lot[name]}) == 1
+    a, b = lot["voltage_scale"], lot["time_scale"]
+    assert a[1] / a[0] > 1.015  # a pull-in voltage read 2 % too high drives higher
+    assert b[2] / b[0] < 0.992  # a frequency read 2 % too high drives faster
+    assert abs(a[2] / a[0] - 1.0) < 0.006

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import by_hand
 from softclose import Pulse, Waveform
-from softclose.conditions.temperature import heated, worse
+from softclose.conditions.temperature import heated
+from softclose.device.device import worst
 from softclose.evaluate import draw, evaluate, respond
 from softclose.settings import ConfigError, load_config
 
@@ -30,31 +32,38 @@ def config(**settings: Any):  # type: ignore[no-untyped-def]
 def test_each_switch_is_at_a_temperature_of_its_own() -> None:
     cold = load_config({})
     lot, plain = draw(config(low_C=-40, high_C=85), 5000, seed=2), draw(cold, 5000, seed=2)
-    factor = lot[:, 2] / plain[:, 2]
+    factor = lot["K"] / plain["K"]
     assert 0.93 <= factor.min() < 0.935
     assert 1.055 < factor.max() <= 1.06
-    # A factor is a temperature; the shift of the gap is that of the same one.
+    # A factor is a temperature; the shift of the gap is that of the same one, and the column says it.
     celsius = np.interp(-factor, [-1.06, -1.0, -0.93], [-40, 20, 85])
-    np.testing.assert_allclose(lot[:, 1] - plain[:, 1], np.interp(celsius, [-40, 20, 85], [-0.02, 0, 0.03]), atol=1e-9)
-    np.testing.assert_array_equal(lot[:, 3], plain[:, 3])
-    assert abs(np.corrcoef(celsius, plain[:, 2])[0, 1]) < 0.05
+    np.testing.assert_allclose(lot["celsius"], celsius, atol=1e-9)
+    for name in "GD":
+        shift = np.interp(celsius, [-40, 20, 85], [-0.02, 0, 0.03])
+        np.testing.assert_allclose(lot[name] - plain[name], shift, atol=1e-9)
+    for name in "MET":
+        np.testing.assert_array_equal(lot[name], plain[name])
+    assert abs(np.corrcoef(celsius, plain["K"])[0, 1]) < 0.05
     assert np.histogram(celsius, 5, (-40, 85))[0] == pytest.approx(1000, rel=0.12), "uniform over the range"
 
 
 def test_temperatures_are_keyed_by_the_switch_and_common_to_all_candidates() -> None:
     hot = config(low_C=-40, high_C=85)
-    np.testing.assert_array_equal(draw(hot, 10, seed=2, start=30), draw(hot, 50, seed=2)[30:40])
+    later, whole = draw(hot, 10, seed=2, start=30), draw(hot, 50, seed=2)
+    for name in whole:
+        np.testing.assert_array_equal(later[name], whole[name][30:40], name)
 
 
 def test_at_the_population_s_own_temperature_nothing_changes() -> None:
-    np.testing.assert_array_equal(draw(config(), 20, seed=1), draw(load_config({}), 20, seed=1))
+    np.testing.assert_array_equal(draw(config(), 20, seed=1).switches, draw(load_config({}), 20, seed=1).switches)
 
 
 def test_at_its_worst_each_switch_has_the_largest_speed_and_closes_only_if_it_always_does() -> None:
     """Against one simulation for each temperature, put together here."""
     worst = config(low_C=-40, high_C=85, worst_of=3)
     lot = draw(worst, 3000, seed=5)
-    np.testing.assert_array_equal(lot, draw(load_config({}), 3000, seed=5), "the lot itself has no temperature")
+    np.testing.assert_array_equal(lot.switches, draw(load_config({}), 3000, seed=5).switches)
+    assert "celsius" not in lot, "the lot itself has no temperature"
     times = np.linspace(0.0, 250.0, 26)
     found = respond(worst, lot, DRIVE, times_us=times, max_impacts=8)
     tables = worst.temperature
@@ -78,10 +87,36 @@ def test_at_its_worst_each_switch_has_the_largest_speed_and_closes_only_if_it_al
 
 
 def test_a_switch_that_could_not_be_integrated_at_one_temperature_is_none() -> None:
-    whole = respond(load_config({}), draw(load_config({}), 5, seed=1), DRIVE)
+    """Nothing but its status is told of it, whichever of its temperatures it failed at, and whatever it did before."""
+    whole = respond(load_config({}), draw(load_config({}), 5, seed=1), DRIVE, max_impacts=4)
     status = np.array([0, 1, 0, 0, 0], dtype=np.int8)
-    for pair in ((replace(whole, status=status), whole), (whole, replace(whole, status=status))):
-        np.testing.assert_array_equal(worse(*pair).status, status)
+    failed = replace(whole, status=status)
+    assert whole.closed[1]
+    for each in ([failed, whole], [whole, failed], [whole, failed, whole]):
+        found = worst(each)
+        np.testing.assert_array_equal(found.status, status)
+        assert math.isnan(found.max_contact_speed[1])
+        assert np.isnan([found.first_contact_us[1], found.settling_us[1]]).all()
+        assert not found.closed[1]
+        assert found.n_impacts[1] == 0
+        assert np.isnan([found.final_x[1], found.final_v[1]]).all()
+        assert np.isnan(found.impact_speed[1]).all()
+        rest = status == 0
+        for name in ("max_contact_speed", "first_contact_us", "settling_us", "closed", "impact_speed"):
+            np.testing.assert_array_equal(getattr(found, name)[rest], getattr(whole, name)[rest], name)
+
+
+def test_at_its_worst_a_trimmed_switch_keeps_its_drive() -> None:
+    """It was measured once, before it is cold or hot; its worst is of its own drive at each temperature."""
+    settings = {"temperature": TABLES | {"low_C": -40, "high_C": 85, "worst_of": 2},
+                "trim": {"measured": "pull-in and resonance"},
+                "amplifier": {"gain_error": 0.01, "time_error": 0.01}}  # fmt: skip
+    c = load_config(settings)
+    found = respond(c, draw(c, 10, seed=5), DRIVE)
+    alone = by_hand.respond(c, by_hand.rows(c, 10, seed=5), DRIVE)
+    np.testing.assert_allclose(found.max_contact_speed, alone.max_contact_speed, rtol=1e-5)
+    np.testing.assert_allclose(found.settling_us, alone.settling_us, rtol=1e-5)
+    np.testing.assert_array_equal(found.closed, alone.closed)
 
 
 @pytest.mark.parametrize(("low", "high", "worst_of"), [(-40, 85, 1), (20, 20, 3)])
@@ -100,7 +135,7 @@ def test_a_range_of_temperature_makes_a_lot_harder_to_close_softly() -> None:
     g = [evaluate(c, draw(c, 20_000, seed=3), DRIVE).g_cm_s for c in (still, hot)]
     assert g[1] > g[0] + 0.3
     lot = draw(still, 4, seed=3)
-    assert heated(hot.temperature, lot, 85.0)[:, 2] == pytest.approx(0.93 * lot[:, 2])
+    assert heated(hot.temperature, lot, 85.0)["K"] == pytest.approx(0.93 * lot["K"])
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import by_hand
 from softclose import Pulse, Waveform, simulate
-from softclose.conditions.trim import Trim, TrimError, limited
-from softclose.device.scaled import Scales, effective, scaled
-from softclose.evaluate import draw, drive_scales, evaluate, respond
+from softclose.conditions.streams import Ensemble
+from softclose.conditions.trim import Tailored, Trim, TrimError, limited, trim_of
+from softclose.device.drives import scaled
+from softclose.device.scaled import Scales, effective
+from softclose.evaluate import draw, evaluate, respond
+from softclose.evaluate.chain import chain_of
+from softclose.evaluate.respond import drives_of
+from softclose.population.population import index_uniforms
 from softclose.settings import ConfigError, load_config
 from softclose.switch.plate import closing_voltage, holding_voltage, pull_in_voltage, resonance
 
@@ -26,9 +32,16 @@ def config(**trim):
 
 
 def trim(**changes):
-    made = config(**{k: v for k, v in changes.items() if k != "plate_area_um2"}).build_trim()
-    assert made is not None
-    return made
+    c = config(**changes)
+    return trim_of(c.trim, chain_of(c).around)
+
+
+def measured(t, switches, *, seed):
+    """What is measured on switches, with errors of a seed."""
+    return t.measured_of(switches, index_uniforms(len(switches), seed=seed, start=0, stream=by_hand.MEASUREMENT)[:, :2])
+
+
+SCALES = ("voltage_scale", "time_scale")
 
 
 # A scaled drive.
@@ -69,8 +82,8 @@ def through_model(settings, lot, **outputs):
         return simulate(switches, waveform, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("softclose.evaluate.load_model", lambda name: model)
-        patch.setattr("softclose.evaluate.SINGLE_MODE", "another")
+        patch.setattr("softclose.device.device.load_model", lambda name: model)
+        patch.setattr("softclose.device.device.SINGLE_MODE", "another")
         return respond(settings, lot, DRIVE, **outputs), calls
 
 
@@ -81,7 +94,7 @@ def test_any_device_model_is_given_the_scaled_drives_and_gives_what_the_kernel_g
     outputs = {"times_us": np.linspace(0.0, 250.0, 6), "max_impacts": 3}
     fast = respond(c, lot, DRIVE, **outputs)
     slow, calls = through_model(c, lot, **outputs)
-    assert len(calls) == (120 if not bins else len(np.unique(lot[:, 4:], axis=0)))
+    assert len(calls) == (120 if not bins else len(np.unique([lot[name] for name in SCALES], axis=1).T))
     for name in ("max_contact_speed", "first_contact_us", "impact_time_us", "impact_speed", "x", "v", "final_x"):
         np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), atol=2e-6, err_msg=name)
     np.testing.assert_allclose(fast.settling_us, slow.settling_us, atol=2e-3)
@@ -92,15 +105,39 @@ def test_any_device_model_is_given_the_scaled_drives_and_gives_what_the_kernel_g
 def test_without_trim_scales_are_nothing_and_the_bits_are_those_of_before():
     c = load_config({})
     plain = draw(c, 50, seed=1)
-    assert plain.shape == (50, 4)
-    np.testing.assert_array_equal(plain, c.build_population().sample(50, seed=1))
-    with_scales = np.column_stack([plain, np.full((50, 2), 1.3)])
+    assert [*plain] == ["D", "G", "E", "T", "K", "M"]
+    np.testing.assert_array_equal(plain.switches, c.build_population().sample(50, seed=1))
+    with_scales = plain.with_columns(voltage_scale=np.full(50, 1.3), time_scale=np.full(50, 1.3))
     a, b = respond(c, plain, DRIVE), respond(c, with_scales, DRIVE)
     np.testing.assert_array_equal(a.max_contact_speed, b.max_contact_speed)
+    by_numbers = respond(c, plain.switches, DRIVE)
+    np.testing.assert_array_equal(a.max_contact_speed, by_numbers.max_contact_speed)
+
+
+def test_a_drive_for_everybody_is_that_of_the_lot_without_trim():
+    c = config()
+    lot = draw(c, 50, seed=4)
+    found, plain = respond(c, lot, DRIVE, for_everybody=True), respond(load_config({}), lot.switches, DRIVE)
+    np.testing.assert_array_equal(found.max_contact_speed, plain.max_contact_speed)
+    assert (respond(c, lot, DRIVE).max_contact_speed != plain.max_contact_speed).all()
 
 
 def test_trim_draws_the_very_switches_of_the_untrimmed_campaign():
-    np.testing.assert_array_equal(draw(config(), 50, seed=4)[:, :4], draw(load_config({}), 50, seed=4))
+    plain, trimmed = draw(load_config({}), 50, seed=4), draw(config(), 50, seed=4)
+    for name in plain:
+        np.testing.assert_array_equal(trimmed[name], plain[name], name)
+    assert {*trimmed} - {*plain} == {"measured_pull_in", "measured_resonance", *SCALES}
+
+
+def test_the_columns_are_what_was_measured_and_the_scales_of_it():
+    c = config()
+    lot, t = draw(c, 40, seed=4), trim()
+    u = index_uniforms(40, seed=4, start=0, stream=by_hand.MEASUREMENT)[:, :2]
+    read = np.stack([lot["measured_pull_in"], lot["measured_resonance"]], axis=1)
+    np.testing.assert_array_equal(read, t.measured_of(lot.switches, u))
+    scales = t.scales(read)
+    np.testing.assert_array_equal(lot["voltage_scale"], scales.voltage)
+    np.testing.assert_array_equal(lot["time_scale"], scales.time)
 
 
 # What follows from the measurements.
@@ -118,7 +155,7 @@ def test_perfect_measurements_leave_every_switch_with_the_mean_pull_in_voltage_a
     t = trim(**PRECISE)
     switches = t.population.sample(300, seed=2)
     equal = effective(switches, t.scales(t.true(switches)))
-    np.testing.assert_allclose(closing_voltage(equal, t.plate_area_um2), t.reference[0], rtol=1e-7)
+    np.testing.assert_allclose(closing_voltage(equal, load_config({}).model.plate_area_um2), t.reference[0], rtol=1e-7)
     np.testing.assert_allclose(resonance(equal), t.reference[1], rtol=1e-7)
 
 
@@ -157,10 +194,10 @@ def test_what_is_known_badly_is_followed_less():
 def test_errors_of_measurement_are_as_large_as_stated_and_independent():
     t = trim(pull_in_error=0.02, resonance_error=0.005)
     switches = t.population.sample(40_000, seed=6)
-    relative = t.measure(switches, seed=6) / t.true(switches) - 1.0
+    relative = measured(t, switches, seed=6) / t.true(switches) - 1.0
     np.testing.assert_allclose(relative.std(axis=0), [0.02, 0.005], rtol=0.02)
     np.testing.assert_allclose(relative.mean(axis=0), 0.0, atol=4e-4)
-    others = [*switches.T, *t.measure(switches, seed=7).T / t.true(switches).T]
+    others = [*switches.T, *measured(t, switches, seed=7).T / t.true(switches).T]
     for column in relative.T:
         for other in others:
             assert abs(np.corrcoef(column, other)[0, 1]) < 0.02
@@ -169,27 +206,29 @@ def test_errors_of_measurement_are_as_large_as_stated_and_independent():
 
 def test_a_switch_s_scales_depend_on_seed_stream_and_index_only():
     c = config()
-    whole = draw(c, 60, seed=9, stream=2)
-    np.testing.assert_array_equal(draw(c, 25, seed=9, stream=2, start=20), whole[20:45])
-    assert (draw(c, 60, seed=9, stream=3)[:, 4] != whole[:, 4]).all()
-    assert (draw(c, 60, seed=8, stream=2)[:, 4] != whole[:, 4]).all()
+    whole = draw(c, 60, seed=9, ensemble=Ensemble.TAIL)
+    later = draw(c, 25, seed=9, ensemble=Ensemble.TAIL, start=20)
+    for name in whole:
+        np.testing.assert_array_equal(later[name], whole[name][20:45], name)
+    for other in (draw(c, 60, seed=9), draw(c, 60, seed=8, ensemble=Ensemble.TAIL)):
+        assert (other["voltage_scale"] != whole["voltage_scale"]).all()
 
 
 def test_bins_are_equally_likely_and_their_switches_share_a_drive():
     t = trim(measured="pull-in", bins=5)
     switches = t.population.sample(20_000, seed=1)
-    values, counts = np.unique(t.trimmed(switches, t.measure(switches, seed=1))[:, 4], return_counts=True)
+    values, counts = np.unique(t.scales(measured(t, switches, seed=1)).voltage, return_counts=True)
     assert len(values) == 5
     np.testing.assert_allclose(counts / 20_000, 0.2, atol=0.012)
     edges, middles = t.bins_of(0)
     assert (np.diff(np.concatenate([middles[:1], *zip(edges, middles[1:], strict=True)])) > 0.0).all()
     np.testing.assert_allclose(
-        np.interp(middles, np.sort(t.measure(switches, seed=1)[:, 0]), np.linspace(0, 1, 20_000)),
+        np.interp(middles, np.sort(measured(t, switches, seed=1)[:, 0]), np.linspace(0, 1, 20_000)),
         [0.1, 0.3, 0.5, 0.7, 0.9],
         atol=0.012,
     )
     single = trim(measured="pull-in", bins=1)
-    assert len(np.unique(single.trimmed(switches, single.measure(switches, seed=1))[:, 4])) == 1
+    assert len(np.unique(single.scales(measured(single, switches, seed=1)).voltage)) == 1
 
 
 # Limits.
@@ -201,15 +240,17 @@ def test_no_scaled_drive_exceeds_the_limits():
     )
     lot = draw(c, 400, seed=1)
     drive = Waveform([Pulse(0.0, 5.5, 12.0, 139.0), Pulse(40.0, 6.0, math.inf, 90.0)])
-    found = drive_scales(c, lot, drive)
-    for a, b in zip(found.voltage, found.time, strict=True):
+    found = drives_of(chain_of(c), lot, drive)
+    for a, b in zip(found.volts, found.times, strict=True):
         own = scaled(drive, a, b)
         own.check(140.0 * (1 + 1e-12), 250.0 * b)
         assert min(p.rise_us for p in own.pulses) >= 5.5 * (1 - 1e-12)
-    assert 0.2 < (found.voltage < lot[:, 4]).mean() < 0.8
-    assert 0.2 < (found.time > lot[:, 5]).mean() < 0.8
+    assert 0.2 < (found.volts < lot["voltage_scale"]).mean() < 0.8
+    assert 0.2 < (found.times > lot["time_scale"]).mean() < 0.8
     free = replace(c, trim=replace(c.trim, keep_limits=False))
-    np.testing.assert_array_equal(drive_scales(free, lot, drive).voltage, lot[:, 4])
+    unlimited = drives_of(chain_of(free), lot, drive)
+    np.testing.assert_array_equal(unlimited.volts, lot["voltage_scale"])
+    np.testing.assert_array_equal(unlimited.times, lot["time_scale"])
 
 
 def test_a_drive_without_volts_or_without_rise_has_no_limit_to_keep():
@@ -231,7 +272,8 @@ def test_measuring_each_switch_makes_a_lot_land_softer():
     for name, error in (("exact", 0.0), ("good", 0.01), ("poor", 0.1)):
         c = replace(base, trim=replace(base.trim, pull_in_error=error, resonance_error=error, keep_limits=False))
         v_u[name] = evaluate(c, draw(c, 4000, seed=1), drive, fresh=True).v_u_cm_s
-    untrimmed = evaluate(base, draw(load_config({}), 4000, seed=1), drive, fresh=True).v_u_cm_s
+    plain = load_config({})
+    untrimmed = evaluate(plain, draw(plain, 4000, seed=1), drive, fresh=True).v_u_cm_s
     assert v_u["exact"] < v_u["good"] < v_u["poor"] < untrimmed
     assert v_u["good"] < 0.7 * untrimmed
 
@@ -283,7 +325,8 @@ def test_a_trim_is_made_of_what_the_configuration_says():
     t = trim(bins=4, scaled="voltage", pull_in_error=0.02)
     assert isinstance(t, Trim)
     assert (t.bins, t.scaled, t.pull_in_error, t.resonance_error) == (4, "voltage", 0.02, 0.01)
-    assert load_config({}).build_trim() is None
+    kinds = [[type(condition) for condition in chain_of(c).conditions] for c in (config(), load_config({}))]
+    assert [Tailored in kind for kind in kinds] == [True, False]
 
 
 def test_estimates_from_contact_times_are_followed_as_they_are():

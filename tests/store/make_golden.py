@@ -1,4 +1,4 @@
-"""Makes tests/store/golden/version-2.zip, a store as this schema version writes it. Run once per schema version.
+"""Makes tests/store/golden/version-3.zip, a store as this schema version writes it. Run once per schema version.
 
 PYTHONPATH=store:tests python tests/store/make_golden.py
 """

@@ -32,12 +32,14 @@ from softclose_store import (
     DamageError,
     DriverStore,
     LayoutError,
+    PopulationColumn,
     RecordError,
     StageLayout,
     assessed_digest,
+    create_campaign,
     open_campaign,
     proposals_digest,
-    read_switches,
+    read_population,
     write_block,
 )
 from softclose_store.write.block import assessed_of, check_block
@@ -388,14 +390,51 @@ def test_of_two_chunks_of_records_the_first_is_written_last(tmp_path, monkeypatc
     assert not (path / "digests" / "c.0.0").exists()
 
 
-def test_the_ensemble_is_read_back_in_the_simulators_order(path):
-    p = small_store.population()
-    expected = np.column_stack([p[name] for name in ("D", "G", "K", "M", "voltage_scale", "time_scale")])
-    assert_array_equal(read_switches(path), expected)
+def test_the_ensemble_is_read_back_column_by_column(path):
+    expected = small_store.population()
     with DriverStore(path) as store:
-        assert_array_equal(store.lot, expected)
-    assert_array_equal(open_campaign(path).lot(), expected)
-    assert_array_equal(open_campaign(path).switches(), expected[:, :4])
+        of_driver = store.population
+    for found in (read_population(path), of_driver, open_campaign(path).population()):
+        assert [*found] == [*"DGETKM"]
+        for name, values in expected.items():
+            assert_array_equal(found[name], values, name)
+    assert_array_equal(open_campaign(path).switches(), np.column_stack([expected[name] for name in "DGKM"]))
+
+
+GAINS = (
+    *(PopulationColumn(name, "1", name) for name in "DGKM"),
+    PopulationColumn("gain", "1", "gain of its drive"),
+    PopulationColumn("celsius", "°C", "its temperature"),
+)
+
+
+def test_a_population_has_the_columns_that_its_layout_says_and_no_others(tmp_path):
+    """Whatever a campaign's conditions add to its lot is stored, told in its unit, and kept by an extension."""
+    path = tmp_path / "gains.zarr"
+    sizes = layout(columns=GAINS)
+    rng = np.random.default_rng(3)
+    population = {c.name: rng.random(sizes.n_switches) for c in GAINS}
+    made = {"config": small_store.CONFIG, "algorithm": "a", "runtime": {}}
+    create_campaign(path, layout=sizes, population=population, **made)
+    campaign = open_campaign(path)
+    assert campaign.layout.columns == GAINS
+    assert [*campaign.population()] == [c.name for c in GAINS]
+    assert_array_equal(read_population(path)["celsius"], population["celsius"])
+    assert campaign.dataset()["celsius"].attrs == {"units": "°C", "long_name": "its temperature"}
+    assert not (path / "E").exists()
+    for wrong in (population | {"E": population["D"]}, {n: v for n, v in population.items() if n != "gain"}):
+        with pytest.raises(LayoutError, match="the population has columns"):
+            create_campaign(tmp_path / "b.zarr", layout=sizes, population=wrong, **made)
+    for bad in (np.nan, np.inf):
+        unknown = population | {"gain": np.where(np.arange(sizes.n_switches) == 2, bad, 1.0)}
+        with pytest.raises(LayoutError, match=r"population column gain .* all finite"):
+            create_campaign(tmp_path / "b.zarr", layout=sizes, population=unknown, **made)
+
+
+@pytest.mark.parametrize("names", [(), ("D", "D"), ("search",), ("records",), ("switch",), ("a b",), ("../x",), (3,)])
+def test_columns_that_cannot_be_are_refused(names):
+    with pytest.raises(LayoutError, match="the population has columns"):
+        layout(columns=tuple(PopulationColumn(name, "1", "x") for name in names))
 
 
 def test_a_durable_store_holds_the_same_bits(path, tmp_path):

@@ -170,7 +170,7 @@ def test_a_header_that_claims_more_than_the_array_has_is_refused_before_it_is_un
     """A Blosc file of 70 bytes can say that it holds two gigabytes; so can one of text."""
     reads: dict[str, Callable[[], Any]] = {
         "records/c.0.0": lambda: open_campaign(store).records(),
-        "K/c.0": lambda: open_campaign(store).lot(),
+        "K/c.0": lambda: open_campaign(store).population(),
         "search/x/c.0.0.0": lambda: open_campaign(store).trajectories(0).x[...],
     }
     for key, read in reads.items():

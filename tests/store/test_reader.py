@@ -233,7 +233,7 @@ def test_the_golden_store_of_this_schema_reads_verifies_and_continues(tmp_path):
     with zipfile.ZipFile(GOLDEN / f"version-{SCHEMA_VERSION}.zip") as archive:
         archive.extractall(path)
     campaign = open_campaign(path)
-    assert (campaign.schema_version, campaign.committed, campaign.n_waves, campaign.budget) == (2, 5, 2, 8)
+    assert (campaign.schema_version, campaign.committed, campaign.n_waves, campaign.budget) == (SCHEMA_VERSION, 5, 2, 8)
     assert (campaign.config, campaign.algorithm) == (small_store.CONFIG, small_store.ALGORITHM)
     assert campaign.best().candidate == 2
     assert campaign.history().note[1] == "größer"

@@ -14,11 +14,11 @@ from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
 from softclose import Pulse, Waveform, simulate
+from softclose.conditions.streams import Ensemble
 from softclose.settings import CampaignConfig, load_config
 from softclose_store import DamageError, list_groups, open_campaign, read_group
 from softclose_workflows.analyses.certify import (
     DISTINCT_VOLTS,
-    STREAM,
     CertifyError,
     assess_fresh,
     certify,
@@ -62,9 +62,9 @@ def test_each_switch_is_the_simulation_of_a_fresh_switch(store: str) -> None:
 def test_no_seed_makes_the_fresh_switches_the_training_switches() -> None:
     config = load_config("current")
     training = {tuple(row) for row in config.build_population().sample(500, seed=1)}
-    assert STREAM != 0
+    assert Ensemble.CERTIFICATE != Ensemble.TRAINING
     for seed in range(5):
-        assert not training & {tuple(row) for row in fresh_switches(config, 500, seed=seed)}
+        assert not training & {tuple(row) for row in fresh_switches(config, 500, seed=seed).switches}
 
 
 def test_certified_candidates_are_distinct_waveforms(store: str) -> None:

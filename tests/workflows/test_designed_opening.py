@@ -11,8 +11,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from small_campaigns import COARSE, make_campaign
-from softclose.evaluate import N_PARAMETERS, judge, respond
+from softclose.evaluate import judge, respond
 from softclose.opening import Released, judge_opening
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.waveform import Waveform
 from softclose_store import DamageError, open_campaign
@@ -72,7 +73,7 @@ def test_a_run_ends_with_the_opening_of_its_best_candidate(store: str, best: int
     t = np.linspace(0.0, 299.0, 2000)
     np.testing.assert_array_equal(drive.voltage(t), closing.voltage(t), "closing and holding are the candidate's")
     assert drive.voltage(np.array([450.0]))[0] == 0.0
-    lot = campaign.lot()[:60, :N_PARAMETERS]
+    lot = Lot(campaign.population()).rows(slice(60))
     for o in (found.plain, found.braked):
         _same(o.released, judge_opening(config, lot, o.released.waveform, at_us=300.0).released)
     assert found.braked.overshoot < found.plain.overshoot - 0.05
@@ -91,7 +92,7 @@ def test_the_objective_does_not_see_the_release(store: str, best: int) -> None:
     found = read_opening(store, best)
     assert found is not None
     assert found.braked is not None
-    again = judge(config, respond(config, campaign.lot()[:, :N_PARAMETERS], found.braked.released.waveform))
+    again = judge(config, respond(config, Lot(campaign.population()), found.braked.released.waveform))
     assert again.g_cm_s == campaign.records()["g_cm_s"][best]
 
 
@@ -211,8 +212,6 @@ def test_a_lot_that_nothing_holds_is_said(tmp_path: Path) -> None:
     ("setting", "said"),
     [
         ("opening.release_us=100", "until model.horizon_us 250"),
-        ("trim.measured=pull-in", "[trim]"),
-        ("amplifier.gain_error=0.01", "gain_error"),
         ("waveform.space=two-pulse-release", "lets go by itself"),
         ("opening.brake=-1", "opening.brake"),
         ("opening.watch_us=0", "opening.watch_us"),

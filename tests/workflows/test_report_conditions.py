@@ -11,7 +11,7 @@ import pytest
 
 from small_campaigns import COARSE, COMPLETE, make_campaign
 from softclose.conditions.temperature import heated
-from softclose.evaluate import N_PARAMETERS, draw, judge, respond
+from softclose.evaluate import draw, judge, respond
 from softclose.presets import find_preset
 from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
@@ -78,7 +78,7 @@ def test_the_best_candidate_is_shown_with_and_without(kind: str, settings: tuple
     assert found is not None
     assert found.kind == kind
     assert 'data-figure="plainer"' in page
-    lot = open_campaign(str(tmp_path / "a.zarr")).lot()[:, :N_PARAMETERS]
+    lot = open_campaign(str(tmp_path / "a.zarr")).switches()
     eqs = CampaignConfig.from_dict(data.config.to_dict() | {"model": {}, "reduced_order_model": {}})
     alone = respond(eqs, lot, data.designs[0].waveform)
     np.testing.assert_allclose(found.without.speed_cm_s, 100.0 * alone.max_contact_speed, rtol=1e-4)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from small_campaigns import block_task
-from softclose import evaluate, load_config, simulate
+from softclose import load_config, simulate
 from softclose.waveform import Waveform
 from softclose_store import QUANTITIES
 from softclose_workflows.run.tasks import compute_block, rows_of, times_us
@@ -66,7 +66,8 @@ def test_a_refused_candidate_alone_stays_in_the_schemas_types():
 
 def test_what_a_model_of_ones_own_answers_in_is_stored_in_the_schemas_types(monkeypatch):
     monkeypatch.setattr(
-        evaluate, "load_model", lambda _: lambda *given, dtype, **settings: simulate(*given, **settings)
+        "softclose.device.device.load_model",
+        lambda _: lambda *given, dtype, **settings: simulate(*given, **settings),
     )
     arrays, _ = compute_block(CONFIG, SWITCHES, (rows_of(GOOD),))
     assert arrays["x"].dtype == arrays["v"].dtype == np.float32

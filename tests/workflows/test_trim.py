@@ -12,8 +12,11 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
 from softclose import Waveform
-from softclose.conditions.learning import actuate
-from softclose.evaluate import draw, drive_scales, evaluate, learn, respond, touch_of
+from softclose.conditions.trim import trim_of
+from softclose.evaluate import draw, evaluate, judge, respond
+from softclose.evaluate.chain import chain_of
+from softclose.evaluate.respond import drives_of
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig, load_config
 from softclose_store import open_campaign, verify
 from softclose_workflows import api
@@ -33,6 +36,12 @@ SETTINGS = (
     "store.n_times=11",
     "waveform.space=two-pulse-full",
 )
+
+
+def scales_of(config, campaign, i):
+    """(n,) voltage and time scales that the training switches are given under a candidate."""
+    drives = drives_of(chain_of(config), Lot(campaign.population()), Waveform.from_rows(campaign.waveform(i)))
+    return drives.volts, drives.times
 
 
 def made(path, *settings):
@@ -60,12 +69,15 @@ def test_the_store_holds_the_scales_and_the_responses_to_the_scaled_drives(store
     campaign = open_campaign(store)
     config = CampaignConfig.from_dict(campaign.config)
     lot = draw(config, 64, seed=config.campaign.seed)
-    assert_array_equal(campaign.lot(), lot)
-    assert_array_equal(campaign.population()["time_scale"], lot[:, 5])
+    stored = campaign.population()
+    assert [*stored] == [*lot]
+    for name in lot:
+        assert_array_equal(stored[name], lot[name], name)
+    assert {"voltage_scale", "time_scale", "measured_pull_in", "measured_resonance"} < {*stored}
     waveform = Waveform.from_rows(campaign.waveform(2))
     expected = respond(config, lot, waveform)
     assert_array_equal(campaign.responses(2).max_contact_speed, expected.max_contact_speed)
-    untrimmed = respond(config, lot[:, :4], waveform)
+    untrimmed = respond(config, lot, waveform, for_everybody=True)
     assert (np.nan_to_num(untrimmed.max_contact_speed) != np.nan_to_num(expected.max_contact_speed)).mean() > 0.5
 
 
@@ -74,9 +86,9 @@ def test_a_trimmed_store_verifies_and_can_be_replayed(store):
     assert invoke("verify", store, "--replay", "2").exit_code == 0
 
 
-def test_a_campaign_that_measures_nothing_stores_scales_of_one(tmp_path):
+def test_a_campaign_that_measures_nothing_stores_no_scales(tmp_path):
     campaign = open_campaign(made(tmp_path / "b.zarr", "trim.measured=nothing"))
-    assert_array_equal(campaign.lot()[:, 4:], 1.0)
+    assert [*campaign.population()] == [*"DGETKM"]
 
 
 def test_certificates_trim_candidates_and_leave_the_reference_designs_as_they_are(store):
@@ -84,9 +96,11 @@ def test_certificates_trim_candidates_and_leave_the_reference_designs_as_they_ar
     config = load_config("current-trim", SETTINGS)
     unshaped = next(r for r in found.references if r.name == "unshaped")
     fresh = fresh_switches(config, 200, seed=found.seed)
-    assert fresh.shape == (200, 6)
     assert found.best.assessment.v_u_cm_s == evaluate(config, fresh, found.best.waveform, fresh=True).v_u_cm_s
-    assert unshaped.assessment.v_u_cm_s == evaluate(config, fresh[:, :4], unshaped.waveform, fresh=True).v_u_cm_s
+    alike = respond(config, fresh, unshaped.waveform, for_everybody=True)
+    assert unshaped.assessment.v_u_cm_s == judge(config, alike, fresh=True).v_u_cm_s
+    plain = load_config("current", SETTINGS)
+    assert unshaped.assessment.v_u_cm_s == evaluate(plain, fresh.switches, unshaped.waveform, fresh=True).v_u_cm_s
 
 
 # The test floor.
@@ -96,19 +110,19 @@ def test_a_table_of_devices_has_the_scales_of_the_campaign_s_own_switches(store,
     """Measured values of the training switches give the very scales of the store, within the drive's limits."""
     campaign = open_campaign(store)
     config = CampaignConfig.from_dict(campaign.config)
-    trim = config.build_trim()
-    measured = trim.measure(campaign.switches(), seed=config.campaign.seed)
+    population = campaign.population()
+    measured = np.column_stack([population["measured_pull_in"], population["measured_resonance"]])
     devices = tmp_path / "devices.csv"
     lines = [f"S{i};{v!r};{f!r}".replace(".", ",") for i, (v, f) in enumerate(measured.tolist())]
     devices.write_text("device;pull_in_V;resonance_kHz\n" + "\n".join(lines) + "\n")
     done = invoke("export", store, "trim", "--candidate", 2, "--devices", devices)
     assert done.exit_code == 0, done.output
     rows = table(done.stdout)
-    scales = drive_scales(config, campaign.lot(), Waveform.from_rows(campaign.waveform(2)))
+    voltage, time = scales_of(config, campaign, 2)
     assert [row["device"] for row in rows] == [f"S{i}" for i in range(64)]
-    assert_allclose([float(row["voltage_scale"]) for row in rows], scales.voltage, atol=1e-6)
-    assert_allclose([float(row["time_scale"]) for row in rows], scales.time, atol=1e-6)
-    at_limit = (scales.voltage != campaign.lot()[:, 4]) | (scales.time != campaign.lot()[:, 5])
+    assert_allclose([float(row["voltage_scale"]) for row in rows], voltage, atol=1e-6)
+    assert_allclose([float(row["time_scale"]) for row in rows], time, atol=1e-6)
+    at_limit = (voltage != population["voltage_scale"]) | (time != population["time_scale"])
     assert_array_equal([row["at_a_limit"] == "1" for row in rows], at_limit)
     assert at_limit.any()
     assert not at_limit.all()
@@ -133,7 +147,7 @@ def test_the_waveform_of_one_switch_is_the_scaled_one(store, tmp_path):
         "export", store, "waveform", "--candidate", 3, "--pull-in", 70, "--resonance", 21, "-o", tmp_path / "w.csv"
     )
     assert done.exit_code == 0, done.output
-    scales = config.build_trim().scales([[70.0, 21.0]])
+    scales = trim_of(config.trim, chain_of(config).around).scales([[70.0, 21.0]])
     assert "volts × 0.8" in done.stderr
     drive = np.loadtxt(tmp_path / "w.csv", delimiter=",", skiprows=1)
     expected = scales.voltage[0] * common.voltage(drive[:, 0] / scales.time[0])
@@ -181,12 +195,15 @@ def test_a_campaign_without_trim_has_no_table(tmp_path):
 def test_the_report_shows_what_trim_brings(store):
     data = gather(str(store))
     config = data.config
-    lot = open_campaign(store).lot()
-    best = data.best_design
-    plain = evaluate(config, lot[:, :4], best.waveform)
+    campaign = open_campaign(store)
+    lot, best = Lot(campaign.population()), data.best_design
+    plain = evaluate(load_config("current", SETTINGS), campaign.switches(), best.waveform)
     assert data.trim.untrimmed.assessment.v_u_cm_s == plain.v_u_cm_s
-    assert_array_equal(data.trim.voltage, drive_scales(config, lot, best.waveform).voltage)
-    assert data.trim.n_limited == int(((data.trim.voltage != lot[:, 4]) | (data.trim.time != lot[:, 5])).sum())
+    voltage, time = scales_of(config, campaign, campaign.best().candidate)
+    assert_array_equal(data.trim.voltage, voltage)
+    assert_array_equal(data.trim.time, time)
+    limited = (voltage != lot["voltage_scale"]) | (time != lot["time_scale"])
+    assert data.trim.n_limited == int(limited.sum())
     page = render_report(data)
     assert 'id="trim"' in page
     assert "trim-scales" in page
@@ -243,16 +260,17 @@ def test_devices_known_by_their_contact_times_get_the_scales_of_the_campaign(tmp
     path = made(tmp_path / "c.zarr", "trim.measured=contact times")
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
-    told = actuate(touch_of(config), campaign.switches(), learn(config).protocol, seed=config.campaign.seed)
+    population = campaign.population()
+    told = np.column_stack([population["threshold"], population["contact_time"]])
     devices = tmp_path / "devices.csv"
     lines = [f"{volts!r},{time!r}" for volts, time in told.tolist()]
     devices.write_text("threshold_V,contact_time_us\n" + "\n".join(lines) + "\n")
     done = invoke("export", path, "trim", "--candidate", 2, "--devices", devices)
     assert done.exit_code == 0, done.output
-    scales = drive_scales(config, campaign.lot(), Waveform.from_rows(campaign.waveform(2)))
+    voltage, time = scales_of(config, campaign, 2)
     rows = table(done.stdout)
-    assert_allclose([float(row["voltage_scale"]) for row in rows], scales.voltage, atol=1e-6)
-    assert_allclose([float(row["time_scale"]) for row in rows], scales.time, atol=1e-6)
+    assert_allclose([float(row["voltage_scale"]) for row in rows], voltage, atol=1e-6)
+    assert_allclose([float(row["time_scale"]) for row in rows], time, atol=1e-6)
     grid = table(invoke("export", path, "trim", "--rows", 4).stdout)
     assert len(grid) == 16
     done = invoke("export", path, "waveform", "--pull-in", 70)

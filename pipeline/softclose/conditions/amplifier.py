@@ -1,23 +1,30 @@
 """Owns the amplifier in the loop: what reaches the switch of the waveform that is commanded.
 
-In the order of the signal's way: resolution in time and volts of the generator, gain and offset, delay, slew limit,
-bandwidth (first or second order). What is searched, stored and exported is the commanded waveform; what is simulated is
-the delivered one, as a `Trace`.
+In the order of the signal's way: the clock and the resolution in time and volts of the generator, gain and offset,
+delay, slew limit, bandwidth (first or second order). What is searched, stored and exported is the commanded waveform;
+what is simulated is the delivered one. Gain and clock may differ from one switch's drive to the next.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as section
 
 from softclose.allowed.types import SETTINGS
-from softclose.population.population import index_uniforms
-from softclose.waveform import FloatArray, Trace, Waveform
+from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
+from softclose.conditions.streams import Stream
+from softclose.device.drives import Drives, product
+from softclose.population.lot import Lot
+from softclose.waveform import AnyDrive, Delivered, FloatArray, Pulse, Trace, Waveform
+
+_LEAST = 0.05
+"""Least gain or period of a clock over the nominal one: normal errors have no end, drives do."""
 
 
 @section(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -62,13 +69,26 @@ class AmplifierSection:
         return self == plain
 
     @property
+    def is_linear(self) -> bool:
+        """Whether twice the command is delivered as twice the volts, at every instant."""
+        return not (self.offset_volts or self.slew_volts_per_us or self.resolution_volts)
+
+    @property
+    def keeps_pulses(self) -> bool:
+        """Whether what is delivered of pulses is pulses: larger or smaller, later, and on a constant voltage."""
+        dynamic = self.slew_volts_per_us or self.bandwidth_kHz or self.resolution_volts or self.resolution_us
+        return not dynamic and self.offset_volts >= 0.0
+
+    @property
+    def has_closed_form(self) -> bool:
+        """Whether what is delivered of pulses has a closed form: no slew limit and no steps of the generator act."""
+        return not (self.slew_volts_per_us or self.resolution_volts or self.resolution_us)
+
+    @property
     def scatters(self) -> bool:
         """Whether drives differ at random from one switch to the next."""
         return self.gain_error > 0.0 or self.time_error > 0.0
 
-
-_STREAM = 7_200_000
-"""Added to an ensemble's stream: a drive's errors are independent of its switch."""
 
 TOLERANCE_VOLTS = 1e-2
 """Samples of a delivered waveform that lines through the others meet to this are left out [V].
@@ -77,8 +97,12 @@ On twelve waveforms through 50 kHz V moves by 0.0005 to 0.010 cm/s in the median
 1 mV would bring that to 0.001 with three times as many lines, each a step of the kernel."""
 
 
+UNLIMITED_kHz = 1e6
+"""Bandwidth that stands for none where drives are scaled switch by switch behind an amplifier: 0.2 ns late."""
+
+
 @lru_cache(maxsize=64)
-def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float) -> Trace:
+def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float, gain: float = 1.0) -> AnyDrive:
     """What of a commanded waveform reaches the switch, on [0, horizon].
 
     Parameters
@@ -89,22 +113,31 @@ def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float) 
         What is commanded; before 0 it is 0 V, and the amplifier is at rest.
     horizon_us : float
         End [µs].
+    gain : float
+        What its gain is multiplied by.
 
     Returns
     -------
-    Trace
-        Sampled in steps of `amplifier.step_us`, without the samples that lines through the others meet to 10 mV.
+    Waveform, Delivered or Trace
+        Pulses where it delivers pulses, their closed form behind a low-pass; else sampled in steps of
+        `amplifier.step_us`, without the samples that lines through the others meet to 10 mV.
     """
     a = amplifier
+    gain *= a.gain
+    if a.keeps_pulses:
+        pulses = [Pulse(p.start_us + a.delay_us, p.rise_us, p.peak_us, p.volts * gain) for p in waveform.pulses]
+        return Waveform([*pulses, Pulse(0.0, 0.0, math.inf, a.offset_volts)] if a.offset_volts else pulses)
+    if a.has_closed_form and a.bandwidth_kHz:
+        return behind_low_pass(a, waveform, gain)
     n = math.ceil(horizon_us / a.step_us)
-    t = np.asarray(a.step_us * np.arange(n + 1), dtype=np.float64)
+    t: FloatArray = a.step_us * np.arange(n + 1, dtype=np.float64)
     command = t - a.delay_us
     if a.resolution_us > 0.0:
         command = a.resolution_us * np.floor(command / a.resolution_us + 1e-9)
     u = np.where(command >= 0.0, waveform.voltage(np.maximum(command, 0.0)), 0.0)
     if a.resolution_volts > 0.0:
         u = a.resolution_volts * np.round(u / a.resolution_volts)
-    u = a.gain * u + a.offset_volts
+    u = gain * u + a.offset_volts
     jumps, left = _jumps(a, waveform, t, u)
     if a.slew_volts_per_us > 0.0:
         u = _slewed(u, a.slew_volts_per_us * a.step_us, a.offset_volts, left)
@@ -134,6 +167,19 @@ def _jumps(a: AmplifierSection, waveform: Waveform, t: FloatArray, u: FloatArray
                     jumps[i] += a.gain * volts
                     left[i] = min(left[i], (t[i] - late) / a.step_us)
     return jumps, left
+
+
+def behind_low_pass(a: AmplifierSection, waveform: Waveform, gain: float) -> Delivered:
+    """What is delivered of pulses in closed form; without a bandwidth of its own, by one of `UNLIMITED_kHz`."""
+    return Delivered(
+        command=waveform,
+        bandwidth_kHz=a.bandwidth_kHz or UNLIMITED_kHz,
+        order=a.order if a.bandwidth_kHz else 1,
+        damping=a.damping,
+        gain=gain,
+        offset_volts=a.offset_volts,
+        delay_us=a.delay_us,
+    )
 
 
 def _slewed(u: FloatArray, most: float, first: float, part: FloatArray) -> FloatArray:
@@ -172,14 +218,62 @@ def _low_pass(a: AmplifierSection, u: FloatArray) -> FloatArray:
     return np.asarray(lfilter(np.atleast_1d(np.squeeze(b)), c, u))
 
 
-def scattered(amplifier: AmplifierSection, n: int, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
-    """(n, 2) voltage and time scale of the drives of switches `start` to `start + n`: normal about 1.
+def normal_quantiles(u: FloatArray) -> FloatArray:
+    """Standard normal numbers of uniform ones, any shape; within seven standard deviations."""
+    from scipy.special import ndtri  # here: reading a configuration needs none of it, and it is slow to import
 
-    The same for every candidate (common random numbers), independent of the switches; row i depends on
-    (seed, stream, start + i) and nothing else.
-    """
-    from scipy.special import ndtri
+    return np.asarray(ndtri(np.clip(u, 1e-12, 1.0 - 1e-12)))
 
-    uniforms = index_uniforms(n, seed=seed, start=start, stream=_STREAM + stream)[:, :2]
-    errors = np.array([amplifier.gain_error, amplifier.time_error]) * ndtri(np.clip(uniforms, 1e-12, 1.0 - 1e-12))
-    return np.asarray(np.maximum(1.0 + errors, 0.05))
+
+@dataclass(frozen=True, slots=True)
+class Amplifier(Condition):
+    """What stands between generator and switch; its gain, and the generator's clock, with errors of their own."""
+
+    section: ClassVar[str] = "amplifier"
+    settings: AmplifierSection
+
+    @classmethod
+    def of(cls, settings: Any, around: Surroundings) -> Self | None:
+        """Always there: a lot may bring gains of its own."""
+        return cls(settings)
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
+        """Two, where drives scatter."""
+        if not self.settings.scatters:
+            return ()
+        return (Coordinate(name="drive", stream=Stream.DRIVE, parts=("gain", "clock")),)
+
+    def lot(self, lot: Lot, u: Uniforms) -> Lot:
+        """With the gain and the clock of each one's drive, normal about 1; the same for every candidate."""
+        s = self.settings
+        if not s.scatters:
+            return lot
+        errors = np.array([s.gain_error, s.time_error]) * normal_quantiles(u["drive"][:, :2])
+        gain, clock = np.maximum(1.0 + errors, _LEAST).T
+        return lot.with_columns(gain=gain, clock=clock)
+
+    def drives(self, drives: Drives, lot: Lot) -> Drives:
+        """Every command through its own generator and amplifier."""
+        needed = self.settings.scatters
+        gain = lot["gain"] if needed or "gain" in lot else None
+        clock = lot["clock"] if needed or "clock" in lot else None
+        return replace(drives, gain=product(drives.gain, gain), times=product(drives.times, clock), delivery=self)
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether it delivers what is commanded, errors aside."""
+        return self.settings.is_ideal
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether it delivers twice the volts of twice the command."""
+        return self.settings.is_linear
+
+    def closed_form(self, command: Waveform) -> Delivered | None:
+        """What is delivered of pulses, where no slew limit and no steps of the generator act."""
+        return behind_low_pass(self.settings, command, self.settings.gain) if self.settings.has_closed_form else None
+
+    def deliver(self, command: Waveform, horizon_us: float, gain: float) -> AnyDrive:
+        """What of a command reaches a switch."""
+        return deliver(self.settings, command, horizon_us, gain)

@@ -10,10 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from softclose.conditions.trim import Trim, normal_quantiles
+from softclose.conditions.amplifier import normal_quantiles
+from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
+from softclose.conditions.streams import Stream
+from softclose.conditions.trim import Trim, TrimSection, trim_of, within_limits
+from softclose.device.drives import Drives
+from softclose.device.told import switches_of
+from softclose.population.lot import Lot
 from softclose.population.population import index_uniforms
 from softclose.waveform import FloatArray, Pulse, Waveform
 
@@ -32,7 +40,6 @@ MOST_TIMED = 3
 NEVER_US = 250.0
 """What a contact that never came counts as [µs]."""
 
-_STREAM = 7_200_000
 _N_TRAINING = 8192
 
 
@@ -60,9 +67,16 @@ class Protocol:
         return min(MOST_TIMED, max(1, self.actuations // 3))
 
 
+def training_switches(trim: Trim) -> FloatArray:
+    """(n, 4) switches of the lot that the regression is learned on."""
+    return switches_of(
+        trim.population, trim.device, trim.population.sample_parameters(_N_TRAINING, seed=0, sampling="sobol")
+    )
+
+
 def protocol_of(trim: Trim, *, actuations: int, error_us: float, max_volts: float) -> Protocol:
     """The protocol for a lot; steps end at max_volts [V]."""
-    closing = trim.true(trim.population.sample(_N_TRAINING, seed=0, sampling="sobol"))[:, 0]
+    closing = trim.true(training_switches(trim))[:, 0]
     # A step swings past its static travel: it closes a switch at some nine tenths of the static pull-in voltage.
     return Protocol(
         actuations=actuations,
@@ -72,9 +86,7 @@ def protocol_of(trim: Trim, *, actuations: int, error_us: float, max_volts: floa
     )
 
 
-def actuate(
-    touch: Touch, switches: FloatArray, protocol: Protocol, *, seed: int, start: int = 0, stream: int = 0
-) -> FloatArray:
+def actuate(touch: Touch, switches: FloatArray, protocol: Protocol, u: FloatArray) -> FloatArray:
     """What the actuations of each switch tell.
 
     Parameters
@@ -85,8 +97,8 @@ def actuate(
         Columns D, G [µm], K [N/m], M [µg].
     protocol : Protocol
         How they are actuated.
-    seed, start, stream
-        Those with which the switches were drawn; errors of timing depend on them and the switch's index.
+    u : (n,) ndarray of float64
+        Uniform numbers that its errors of timing come from.
 
     Returns
     -------
@@ -100,7 +112,7 @@ def actuate(
         touches = np.isfinite(touch(switches, middle))
         low, high = np.where(touches, low, middle), np.where(touches, middle, high)
     threshold = np.sqrt(low * high)
-    z = normal_quantiles(index_uniforms(len(switches), seed=seed, start=start, stream=stream + _STREAM)[:, 0])
+    z = normal_quantiles(u)
     timed = touch(switches, OVERDRIVE * threshold) + protocol.error_us / math.sqrt(protocol.timed) * z
     return np.column_stack([threshold, np.maximum(timed, 1e-3)])
 
@@ -119,8 +131,9 @@ class Learned:
     @classmethod
     def of(cls, trim: Trim, protocol: Protocol, touch: Touch) -> Learned:
         """Learn the regression on simulated switches of the lot, errors of timing included."""
-        switches = trim.population.sample(_N_TRAINING, seed=0, sampling="sobol")
-        known = np.log(_timed(actuate(touch, switches, protocol, seed=0)))
+        switches = training_switches(trim)
+        u = index_uniforms(len(switches), seed=0, start=0, stream=int(Stream.TIMING))[:, 0]
+        known = np.log(_timed(actuate(touch, switches, protocol, u)))
         centre = np.round(known.mean(axis=0), 9)
         wanted = np.log(trim.true(switches) / trim.reference)
         # Rounded: another machine's linear algebra ends in other bits, and the scales are part of a store's identity.
@@ -141,3 +154,77 @@ def _timed(told: FloatArray) -> FloatArray:
 def _features(x: FloatArray) -> FloatArray:
     u, t = x.T
     return np.column_stack([np.ones(len(x)), u, t, u * u, u * t, t * t])
+
+
+TIMING = Coordinate(name="timing", stream=Stream.TIMING, parts=("error of timing",))
+
+
+@dataclass(frozen=True, slots=True)
+class TailoredByLearning(Condition):
+    """A drive for each switch: the common command, scaled by what a few actuations told of it."""
+
+    section: ClassVar[str] = "trim"
+    tailored: ClassVar[bool] = True
+    settings: TrimSection
+    around: Surroundings
+
+    @classmethod
+    def of(cls, settings: Any, around: Surroundings) -> Self | None:
+        """None where something else is measured."""
+        return cls(settings, around) if settings.measured == "contact times" else None
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
+        """Errors of timing."""
+        return (TIMING,)
+
+    @property
+    def learned(self) -> Learned:
+        """What contact times tell of a switch of this lot."""
+        return _learned(self.settings, self.around)
+
+    def told(self, lot: Lot, u: FloatArray) -> FloatArray:
+        """What the actuations of each switch tell; see `actuate`. u: (n,) uniform numbers.
+
+        They take place where the lot is as the population has it, before temperature and scatter of drives.
+        """
+        return actuate(_touch(self.around), lot.switches, self.learned.protocol, u)
+
+    def lot(self, lot: Lot, u: Uniforms) -> Lot:
+        """With what the actuations told, and the scales that follow from it."""
+        told = self.told(lot, u[TIMING.name][:, 0])
+        estimate = self.learned.estimate(told)
+        scales = self.learned.trim.scales(estimate)
+        return lot.with_columns(
+            threshold=told[:, 0],
+            contact_time=told[:, 1],
+            voltage_scale=scales.voltage,
+            time_scale=scales.time,
+        )
+
+    def drives(self, drives: Drives, lot: Lot) -> Drives:
+        """Scaled as far as the drive's limits allow."""
+        return within_limits(self.settings, self.around, drives, lot)
+
+
+def _touch(around: Surroundings) -> Touch:
+    """How the campaign's switches answer steps, each of its own voltage within the drive's limit."""
+
+    def touch(switches: FloatArray, volts: FloatArray) -> FloatArray:
+        highest = np.minimum(volts, around.max_volts) / STEP_VOLTS
+        drives = Drives(command=step(around.min_rise_us), volts=highest, delivery=around.delivery)
+        return around.device.respond(Lot.of(switches), drives).first_contact_us
+
+    return touch
+
+
+@lru_cache(maxsize=8)
+def _learned(settings: TrimSection, around: Surroundings) -> Learned:
+    trim = trim_of(settings, around)
+    protocol = protocol_of(
+        trim,
+        actuations=settings.actuations,
+        error_us=settings.contact_time_error_us,
+        max_volts=around.max_volts,
+    )
+    return Learned.of(trim, protocol, _touch(around))

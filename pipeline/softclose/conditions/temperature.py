@@ -6,19 +6,20 @@ gap and travel. Between entries a straight line.
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass as section
 
 from softclose.allowed.types import SETTINGS
-from softclose.population.population import index_uniforms
+from softclose.conditions.protocol import Case, Condition, Coordinate, Surroundings, Uniforms
+from softclose.conditions.streams import Stream
+from softclose.population import Population
+from softclose.population.lot import Lot
 from softclose.waveform import FloatArray
-
-if TYPE_CHECKING:
-    from softclose.device.simulate import Responses
 
 
 @section(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -52,67 +53,105 @@ class TemperatureSection:
         n = self.worst_of
         return tuple(self.low_C + (self.high_C - self.low_C) * k / (n - 1) for k in range(n))
 
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        tables = {"stiffness": self.stiffness, "gap_um": self.gap_um, "travel_um": self.travel_um}
+        if not self.low_C <= self.high_C:
+            raise ValueError(f"temperature.low_C is {self.low_C:g} and high_C {self.high_C:g}; it must not be reversed")
+        if not self.celsius:
+            if any(tables.values()) or self.low_C != self.high_C or self.worst_of:
+                raise ValueError("temperature.celsius is missing: give the temperatures of the tables")
+            return self
+        if self.worst_of and (self.worst_of == 1 or self.low_C == self.high_C):
+            raise ValueError(
+                f"temperature.worst_of is {self.worst_of} from {self.low_C:g} to {self.high_C:g} °C; it must be 0, or "
+                "at least 2 with low_C below high_C"
+            )
+        if len(self.celsius) < 2 or list(self.celsius) != sorted(set(self.celsius)):
+            raise ValueError("temperature.celsius must list two or more temperatures, rising")
+        for name, values in tables.items():
+            if values and len(values) != len(self.celsius):
+                raise ValueError(
+                    f"temperature.{name} has {len(values)} entries, temperature.celsius {len(self.celsius)}: give as "
+                    "many"
+                )
+        if not (self.celsius[0] <= self.low_C and self.high_C <= self.celsius[-1]):
+            raise ValueError(
+                f"the range of {self.low_C:g} to {self.high_C:g} °C leaves the tables, which end at "
+                f"{self.celsius[0]:g} and {self.celsius[-1]:g} °C: extend them"
+            )
+        return self
 
-_STREAM = 7_300_000
-"""Added to an ensemble's stream: temperatures are independent of switches and drives."""
+    def check_lot(self, lot: Population) -> None:
+        """Raise ValueError where a switch of the lot would be closed by the tables alone."""
+        for i, celsius in enumerate(self.celsius):
+            shift = self.travel_um[i] if self.travel_um else 0.0
+            longest, shortest = lot.D.upper + shift, lot.D.lower + shift
+            narrowest = lot.G.lower + (self.gap_um[i] if self.gap_um else 0.0)
+            if not 0.0 < shortest <= longest < narrowest:
+                raise ValueError(
+                    f"at {celsius:g} °C travels are {shortest:g} to {longest:g} µm and gaps go down to {narrowest:g} "
+                    "µm; every switch needs 0 < D < G: check temperature.travel_um and gap_um"
+                )
 
 
-def heated(settings: TemperatureSection, switches: FloatArray, celsius: FloatArray | float) -> FloatArray:
-    """The switches at a temperature.
+def heated(settings: TemperatureSection, lot: Lot, celsius: FloatArray | float) -> Lot:
+    """A lot at a temperature.
 
     Parameters
     ----------
     settings : TemperatureSection
         The tables.
-    switches : (n, 4) or (n, 6) ndarray
-        D, G [µm], K [N/m], M [µg] as the population gives them, and scales of drives, which do not change.
+    lot : Lot
+        Switches as the population gives them; what was measured on them stays as it was.
     celsius : (n,) ndarray or float
         Temperature of each, or of all [°C].
 
     Returns
     -------
-    ndarray
-        Of the same shape.
+    Lot
+        With the column `celsius`.
     """
-    found = switches.copy()
     at = settings.celsius
+    found = {"celsius": np.broadcast_to(np.asarray(celsius, dtype=np.float64), (len(lot),))}
     if settings.travel_um:
-        found[:, 0] += np.interp(celsius, at, settings.travel_um)
+        found["D"] = lot["D"] + np.interp(celsius, at, settings.travel_um)
     if settings.gap_um:
-        found[:, 1] += np.interp(celsius, at, settings.gap_um)
+        found["G"] = lot["G"] + np.interp(celsius, at, settings.gap_um)
     if settings.stiffness:
-        found[:, 2] *= np.interp(celsius, at, settings.stiffness)
-    return found
+        found["K"] = lot["K"] * np.interp(celsius, at, settings.stiffness)
+    return lot.with_columns(**found)
 
 
-def spread(settings: TemperatureSection, n: int, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
-    """(n,) temperatures [°C] of switches `start` to `start + n`, uniform over the range, the same for every candidate.
+@dataclass(frozen=True, slots=True)
+class Temperature(Condition):
+    """Each switch at a temperature of its own, or at its worst of several."""
 
-    Row i depends on (seed, stream, start + i) and nothing else.
-    """
-    u = index_uniforms(n, seed=seed, start=start, stream=_STREAM + stream)[:, 0]
-    return np.asarray(settings.low_C + (settings.high_C - settings.low_C) * u)
+    section: ClassVar[str] = "temperature"
+    settings: TemperatureSection
 
+    @classmethod
+    def of(cls, settings: Any, around: Surroundings) -> Self | None:
+        """None without tables."""
+        return cls(settings) if settings.celsius else None
 
-def worse(a: Responses, b: Responses) -> Responses:
-    """Of each switch the response with the larger V, held only where both are and from the later instant on.
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
+        """One for the temperature of each switch."""
+        if not self.settings.spreads:
+            return ()
+        return (Coordinate(name="temperature", stream=Stream.TEMPERATURE, parts=("temperature",)),)
 
-    What else is told of a switch (impacts, motion) is that of the response with the larger V; of equals the first.
-    """
-    va, vb = np.asarray(a.max_contact_speed), np.asarray(b.max_contact_speed)
-    second = (vb > va) | (np.isnan(va) & ~np.isnan(vb))
+    def lot(self, lot: Lot, u: Uniforms) -> Lot:
+        """Heated, uniformly over the range; the same temperatures for every candidate."""
+        s = self.settings
+        if not s.spreads:
+            return lot
+        return heated(s, lot, s.low_C + (s.high_C - s.low_C) * u["temperature"][:, 0])
 
-    def chosen(of_a: Any, of_b: Any) -> Any:
-        if of_a is None:
-            return None
-        first, other = np.asarray(of_a), np.asarray(of_b)
-        return np.where(second.reshape(-1, *[1] * (first.ndim - 1)), other, first)
-
-    found = {f.name: chosen(getattr(a, f.name), getattr(b, f.name)) for f in fields(a) if f.name != "times_us"}
-    found |= {
-        "closed": np.asarray(a.closed) & np.asarray(b.closed),
-        "settling_us": np.maximum(a.settling_us, b.settling_us),
-        "status": np.maximum(a.status, b.status),
-        "times_us": a.times_us,
-    }
-    return type(a)(**found)
+    def cases(self) -> tuple[Case, ...]:
+        """The temperatures at which every switch is simulated."""
+        return tuple(
+            Case(name=f"{celsius:g} °C", change=partial(heated, self.settings, celsius=celsius))
+            for celsius in self.settings.tried
+        )

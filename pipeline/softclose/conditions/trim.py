@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +18,17 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as section
 
 from softclose.allowed.types import SETTINGS
+from softclose.conditions.amplifier import normal_quantiles
+from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
+from softclose.conditions.streams import Stream
+from softclose.device.device import Device
+from softclose.device.drives import Drives, product
 from softclose.device.scaled import Scales
+from softclose.device.told import mean_switch, switches_of
+from softclose.population.lot import Lot
 from softclose.population.population import Population, index_uniforms
-from softclose.switch.plate import closing_voltage, resonance
+from softclose.switch.plate import resonance
+from softclose.waveform import Drive, Trace
 
 FloatArray = NDArray[np.float64]
 
@@ -30,9 +38,6 @@ Scaled = Literal["voltage", "time", "voltage and time"]
 
 N_SCALES = 2
 """Voltage and time scale."""
-
-_STREAM = 7_100_000
-"""Added to an ensemble's stream: errors of measurement are independent of the switches."""
 
 _FARTHEST = 3.0
 """A measured value beyond so many times the mean switch's, or below that part of it, is a slip of units."""
@@ -82,8 +87,8 @@ class Trim:
 
     population: Population
     """The lot."""
-    plate_area_um2: float
-    """Its plate area [µm²]."""
+    device: Device
+    """What its switches are: the voltage at which one closes is measured in it."""
     measured: Measured = "pull-in and resonance"
     """What is measured: the voltage at which a switch closes when it is raised slowly, its first resonance, or both; or
     contact times only, from which `softclose.conditions.learning` estimates the two."""
@@ -95,17 +100,11 @@ class Trim:
     """Bins of each measured quantity; 0: each switch by itself."""
     scaled: Scaled = "voltage and time"
     """Which of a drive's two scales its generator has."""
-    _reference: tuple[float, float] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        mean = np.asarray(self.population.mean_switch, dtype=np.float64)
-        reference = float(closing_voltage(mean, self.plate_area_um2)), float(resonance(mean))
-        object.__setattr__(self, "_reference", reference)
 
     @property
     def reference(self) -> tuple[float, float]:
         """Pull-in voltage [V] and resonance [kHz] of the mean switch, whose scales are 1."""
-        return self._reference
+        return _reference(self)
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -123,28 +122,24 @@ class Trim:
             Columns D, G [µm], K [N/m], M [µg].
         """
         s = np.asarray(switches, dtype=np.float64)
-        return np.column_stack([closing_voltage(s, self.plate_area_um2), resonance(s)])
+        return np.column_stack([self.device.closing_voltage(s), resonance(s)])
 
-    def measure(self, switches: ArrayLike, *, seed: int, start: int = 0, stream: int = 0) -> FloatArray:
-        """What is measured of switches `start` to `start + n` of an ensemble.
-
-        The errors depend on (seed, stream, index of the switch) and nothing else.
+    def measured_of(self, switches: ArrayLike, u: FloatArray) -> FloatArray:
+        """What is measured on switches.
 
         Parameters
         ----------
         switches : (n, 4) array-like of float64
             Columns D, G [µm], K [N/m], M [µg].
-        seed, start, stream
-            Those with which the switches were drawn.
+        u : (n, 2) ndarray of float64
+            Uniform numbers that its errors come from.
 
         Returns
         -------
         (n, 2) ndarray of float64
             Pull-in voltage [V], resonance [kHz].
         """
-        true = self.true(switches)
-        u = index_uniforms(len(true), seed=seed, start=start, stream=stream + _STREAM)[:, :N_SCALES]
-        return true * self.factors(u)
+        return self.true(switches) * self.factors(u)
 
     def factors(self, u: FloatArray) -> FloatArray:
         """1 + relative errors of (n, 2) uniform numbers; no instrument is wrong by more than nine tenths."""
@@ -209,47 +204,39 @@ class Trim:
         values, p = _sorted_values(self, column), np.arange(self.bins) / self.bins
         return np.quantile(values, p[1:]), np.quantile(values, p + 0.5 / self.bins)
 
-    def trimmed(self, switches: ArrayLike, measured: ArrayLike | None = None) -> FloatArray:
-        """Switches with the scales of their drives.
 
-        Parameters
-        ----------
-        switches : (n, 4) array-like of float64
-            Columns D, G [µm], K [N/m], M [µg].
-        measured : (n, 2) array-like of float64, optional
-            See `scales`; by default what a perfect instrument would measure.
+@functools.lru_cache(maxsize=16)
+def _reference(trim: Trim) -> tuple[float, float]:
+    mean = mean_switch(trim.population, trim.device)
+    return float(trim.device.closing_voltage(mean)[0]), float(resonance(mean))
 
-        Returns
-        -------
-        (n, 6) ndarray of float64
-            Columns D, G [µm], K [N/m], M [µg], voltage scale, time scale.
-        """
-        found = self.scales(self.true(switches) if measured is None else measured)
-        return np.column_stack([np.asarray(switches, dtype=np.float64), found.voltage, found.time])
+
+def _sample(trim: Trim) -> FloatArray:
+    return switches_of(
+        trim.population, trim.device, trim.population.sample_parameters(_N_REFERENCE, seed=0, sampling="sobol")
+    )
+
+
+def _measured_on_sample(trim: Trim, switches: FloatArray) -> FloatArray:
+    u = index_uniforms(len(switches), seed=0, start=0, stream=int(Stream.MEASUREMENT))[:, :N_SCALES]
+    return trim.measured_of(switches, u)
 
 
 @functools.lru_cache(maxsize=16)
 def _sorted_values(trim: Trim, column: int) -> FloatArray:
     """Measured values of many switches of the lot, in order."""
-    switches = trim.population.sample(_N_REFERENCE, seed=0, sampling="sobol")
-    return np.sort(trim.measure(switches, seed=0)[:, column])
+    switches = _sample(trim)
+    return np.sort(_measured_on_sample(trim, switches)[:, column])
 
 
 @functools.lru_cache(maxsize=16)
 def _regression(trim: Trim) -> FloatArray:
-    switches = trim.population.sample(_N_REFERENCE, seed=0, sampling="sobol")
+    switches = _sample(trim)
     wanted = np.log(trim.true(switches) / trim.reference)
-    known = np.log(trim.measure(switches, seed=0) / trim.reference)[:, trim.columns]
+    known = np.log(_measured_on_sample(trim, switches) / trim.reference)[:, trim.columns]
     table = np.column_stack([np.ones(len(known)), known])
     # Rounded: another machine's linear algebra ends in other bits, and the scales are part of a store's identity.
     return np.asarray(np.round(np.linalg.lstsq(table, wanted, rcond=None)[0].T, 9))
-
-
-def normal_quantiles(u: FloatArray) -> FloatArray:
-    """Standard normal numbers of uniform ones, any shape; within seven standard deviations."""
-    from scipy.special import ndtri  # here: reading a configuration needs none of it, and it is slow to import
-
-    return np.asarray(ndtri(np.clip(u, 1e-12, 1.0 - 1e-12)))
 
 
 def limited(scales: Scales, *, peak_V: float, max_volts: float, shortest_rise_us: float, min_rise_us: float) -> Scales:
@@ -267,3 +254,79 @@ def limited(scales: Scales, *, peak_V: float, max_volts: float, shortest_rise_us
     highest = max_volts / peak_V if peak_V > 0.0 else math.inf
     lowest = min_rise_us / shortest_rise_us if shortest_rise_us > 0.0 else 0.0
     return Scales(voltage=np.minimum(scales.voltage, highest), time=np.maximum(scales.time, lowest))
+
+
+MEASUREMENT = Coordinate(
+    name="measurement", stream=Stream.MEASUREMENT, parts=("error of pull-in voltage", "error of resonance")
+)
+
+
+def trim_of(settings: TrimSection, around: Surroundings) -> Trim:
+    """The trim that a section stands for, on the lot that it is for."""
+    return Trim(
+        population=around.population,
+        device=around.device,
+        measured=settings.measured,
+        pull_in_error=settings.pull_in_error,
+        resonance_error=settings.resonance_error,
+        bins=settings.bins,
+        scaled=settings.scaled,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Tailored(Condition):
+    """A drive for each switch: the common command, scaled by what was measured on it."""
+
+    section: ClassVar[str] = "trim"
+    tailored: ClassVar[bool] = True
+    settings: TrimSection
+    around: Surroundings
+
+    @classmethod
+    def of(cls, settings: Any, around: Surroundings) -> Self | None:
+        """None where pull-in voltage and resonance are not measured."""
+        return cls(settings, around) if settings.measured not in ("nothing", "contact times") else None
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
+        """Errors of measurement."""
+        return (MEASUREMENT,)
+
+    def lot(self, lot: Lot, u: Uniforms) -> Lot:
+        """With what was measured, and the scales that follow from it."""
+        trim = trim_of(self.settings, self.around)
+        measured = trim.measured_of(lot.switches, u[MEASUREMENT.name])
+        scales = trim.scales(measured)
+        return lot.with_columns(
+            measured_pull_in=measured[:, 0],
+            measured_resonance=measured[:, 1],
+            voltage_scale=scales.voltage,
+            time_scale=scales.time,
+        )
+
+    def drives(self, drives: Drives, lot: Lot) -> Drives:
+        """Scaled as far as the drive's limits allow."""
+        return within_limits(self.settings, self.around, drives, lot)
+
+
+def within_limits(settings: TrimSection, around: Surroundings, drives: Drives, lot: Lot) -> Drives:
+    """The command scaled for each switch of a lot that has been trimmed."""
+    given = given_scales(settings, around, Scales(voltage=lot["voltage_scale"], time=lot["time_scale"]), drives.command)
+    return replace(drives, volts=product(drives.volts, given.voltage), times=product(drives.times, given.time))
+
+
+def given_scales(settings: TrimSection, around: Surroundings, asked: Scales, command: Drive) -> Scales:
+    """What of the scales asked for is given under one command: all, unless trim keeps its drive's limits.
+
+    A trace was recorded at some drive: it is scaled as asked for.
+    """
+    if not settings.keep_limits or isinstance(command, Trace):
+        return asked
+    return limited(
+        asked,
+        peak_V=command.max_voltage(around.device.horizon_us),
+        max_volts=around.max_volts,
+        shortest_rise_us=min(p.rise_us for p in command.pulses),
+        min_rise_us=around.min_rise_us,
+    )

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from softclose.device.status import Status as Status
 from softclose.kernel import dispatch
+from softclose.population.lot import Lot
 from softclose.switch.losses import Losses
 from softclose.switch.reduced_order import ReducedOrder
 from softclose.waveform import MAX_VOLTS, AnyDrive
@@ -123,7 +124,7 @@ _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 
 def simulate(
-    switches: ArrayLike,
+    switches: Lot | ArrayLike,
     waveform: AnyDrive,
     *,
     horizon_us: float = 250.0,
@@ -150,7 +151,7 @@ def simulate(
 
     Parameters
     ----------
-    switches : (n, 4) array-like of float64
+    switches : Lot or (n, 4) array-like of float64
         Columns D [µm], G [µm], K [N/m], M [µg].
     waveform : Waveform, Delivered, Fitted or Trace
         The drive voltage. A trace takes a step for each of its samples (`Fitted.of`, `Trace.simplified`).
@@ -200,7 +201,7 @@ def simulate(
     WaveformError
         For a waveform above max_volts.
     """
-    table = _check_switches(switches)
+    table = _check_switches(switches.switches if isinstance(switches, Lot) else switches)
     horizon = _number("horizon_us", horizon_us, low=0.0, high=1e6, unit=" µs")
     eta = _restitution(restitution, len(table))
     area = _number("plate_area_um2", plate_area_um2, low=0.0, high=math.inf, unit=" µm²")

@@ -16,7 +16,7 @@ from softclose.kernel import rk, taylor, two_modes
 from softclose.kernel.bounces import MAX_RETURNS
 from softclose.switch.losses import Losses
 from softclose.switch.plate import EPSILON_0
-from softclose.switch.reduced_order import Mode, ReducedOrder
+from softclose.switch.reduced_order import ONE_MODE, ReducedOrder
 from softclose.waveform import AnyDrive, Delivered, Fitted
 from softclose.waveform.flat import flatten_pulses
 from softclose.waveform.lowpass import room
@@ -142,9 +142,6 @@ def in_series(modes: ReducedOrder | None, losses: Losses) -> bool:
 _APART = 1e-4
 """Sine of the angle between contact and electrode, as directions in the space of both modes, below which the
 electrode hardly feels what is left of the motion of a held switch, and its series loses digits."""
-
-ONE_MODE = ReducedOrder(mode=(Mode(frequency_kHz=20.0),))
-"""Eqs. 1-2: a lot's K and M say everything of one mode."""
 
 
 def _modal_inputs(

@@ -139,6 +139,8 @@ class Assessment:
     """The quantile's level."""
     confidence: float
     """Confidence of every interval."""
+    closed_by_us: float
+    """A switch counts as closed where it is held from this instant on [µs]; 0: from any instant."""
     intervals_valid: bool
     """True for independent random sampling. Quasi-random points are not independent: no interval holds for them."""
 
@@ -158,6 +160,7 @@ def assess(
     risk: Risk = "quantile",
     p_max: float | None = None,
     assured: bool = False,
+    closed_by_us: float = 0.0,
     chance_penalty_cm_s: float = 500.0,
     min_contact: float = 0.1,
     undefined_v_u_cm_s: float = 60.0,
@@ -192,6 +195,8 @@ def assess(
     assured : bool
         The form "chance" counts the upper end of Wilson's interval of p_nc instead of its estimate: an optimum found so
         keeps p_max on other switches too.
+    closed_by_us : float
+        A switch counts as closed where it is held from this instant on [µs]; 0: from any instant.
     chance_penalty_cm_s : float
         Weight of that penalty [cm/s].
     min_contact : float
@@ -211,7 +216,7 @@ def assess(
         For values outside these limits, or a response with unsuccessful switches.
     """
     _check(locals())
-    speed, closed, n_failed = _arrays(response)
+    speed, closed, n_failed = _arrays(response, closed_by_us)
     closing_us, closing_interval = _closing(response, level, confidence)
     n = speed.size
     contact = ~np.isnan(speed)
@@ -288,6 +293,7 @@ def assess(
         p_exceed=tuple(_exceedance(v, float(limit), confidence) for limit in limits_cm_s),
         level=level,
         confidence=confidence,
+        closed_by_us=closed_by_us,
         intervals_valid=sampling == "monte-carlo",
     )
 
@@ -374,11 +380,28 @@ def _association(v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: flo
     return max(covariance / spread, -1.0)
 
 
-def _arrays(response: Response) -> tuple[FloatArray, NDArray[np.bool_], int]:
+def in_time(response: Response, closed_by_us: float) -> NDArray[np.bool_]:
+    """(n,) which switches of a response count as closed: held at the horizon, and from `closed_by_us` on [µs].
+
+    0 leaves the instant open. Raises ObjectiveError where the response does not tell it.
+    """
+    closed = np.asarray(response.closed, dtype=np.bool_)
+    if not closed_by_us:
+        return closed
+    settling = getattr(response, "settling_us", None)
+    if settling is None:
+        raise ObjectiveError(
+            f"closed_by_us is {closed_by_us:g} µs, and the response does not tell when its switches are held "
+            "(settling_us): leave closed_by_us 0"
+        )
+    return closed & (np.asarray(settling, dtype=np.float64) <= closed_by_us)
+
+
+def _arrays(response: Response, closed_by_us: float) -> tuple[FloatArray, NDArray[np.bool_], int]:
     if not (hasattr(response, "max_contact_speed") and hasattr(response, "closed")):
         raise ObjectiveError(f"{response!r} is no response; give what simulate returns: max_contact_speed and closed")
     speed = np.asarray(response.max_contact_speed, dtype=np.float64)
-    closed = np.asarray(response.closed, dtype=np.bool_)
+    closed = in_time(response, closed_by_us)
     if speed.ndim != 1 or speed.size == 0 or closed.shape != speed.shape:
         raise ObjectiveError(
             f"max_contact_speed has shape {speed.shape} and closed {closed.shape}; "
@@ -401,7 +424,7 @@ def _check(a: dict[str, Any]) -> None:
             raise ObjectiveError(f"{name} is {value!r}; it must be a finite number")
         return float(value)
 
-    for name in ("c1_cm_s", "chance_penalty_cm_s", "undefined_v_u_cm_s"):
+    for name in ("c1_cm_s", "chance_penalty_cm_s", "undefined_v_u_cm_s", "closed_by_us"):
         if number(name, a[name]) < 0.0:
             raise ObjectiveError(f"{name} is {a[name]:g}; it must be 0 or more")
     for name in ("level", "confidence"):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from softclose.metrics import intervals
 from softclose.metrics.intervals import Interval, Proportion
-from softclose.metrics.objective import CM_S, Assessment, Response
+from softclose.metrics.objective import CM_S, Assessment, Response, in_time
 
 FloatArray = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def compare(
     both = ~(np.isnan(va) | np.isnan(vb))
     pairs = va[both] - vb[both]
 
-    open_a, open_b = ~np.asarray(a.closed), ~np.asarray(b.closed)
+    open_a, open_b = ~in_time(a, left.closed_by_us), ~in_time(b, right.closed_by_us)
     only_a, only_b = int((open_a & ~open_b).sum()), int((open_b & ~open_a).sum())
     return Comparison(
         v_u_cm_s=v_u,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.metrics import intervals
-from softclose.metrics.objective import CM_S, Assessment, Response, assess
+from softclose.metrics.objective import CM_S, Assessment, Response, assess, in_time
 from softclose.metrics.paired import v_u_influence
 
 FloatArray = NDArray[np.float64]
@@ -178,7 +178,7 @@ def g_influence(
 
     Differences of two of these give the error of a difference of g on common switches. NaN where v_u is undefined.
     """
-    open_ = (~np.asarray(response.closed)).astype(float)
+    open_ = (~in_time(response, assessment.closed_by_us)).astype(float)
     penalty: FloatArray = penalty_slope(assessment, **objective) * (open_ - open_.mean())
     if risk == "cvar":
         v = np.asarray(response.max_contact_speed) * CM_S

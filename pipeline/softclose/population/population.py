@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -204,6 +204,44 @@ class Population:
             Columns as `variables`: D, G [µm], E [GPa], T [µm] of a plate.
         """
         return self.quantile(_uniforms(n, seed=seed, sampling=sampling, start=start, stream=stream))
+
+    def uniforms(
+        self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0
+    ) -> FloatArray:
+        """Points of the unit cube that `sample` maps to switches.
+
+        Parameters
+        ----------
+        n, seed, sampling, start, stream
+            See `sample`.
+
+        Returns
+        -------
+        (n, 4) ndarray of float64
+            Uniform numbers in [0, 1), columns as `variables`.
+        """
+        return _uniforms(n, seed=seed, sampling=sampling, start=start, stream=stream)
+
+    def with_means(self, means: Mapping[str, float]) -> Population:
+        """The same lot about other nominal values (Eq. 14).
+
+        Parameters
+        ----------
+        means : mapping
+            Variable -> its mean; all of its distribution is scaled with it.
+
+        Raises
+        ------
+        PopulationError
+            For a variable that the lot has not, or a mean that it cannot have.
+        """
+        changed = {}
+        for v, mean in means.items():
+            if v not in self.variables:
+                raise PopulationError(f"the design names {v}; the lot {self.name!r} has {', '.join(self.variables)}")
+            marginal = getattr(self, v)
+            changed[v] = marginal.shift_mean(float(mean) - marginal.mean)
+        return replace(self, **changed)
 
     def quantile(self, p: FloatArray) -> FloatArray:
         """Map points of the unit cube to parameters.

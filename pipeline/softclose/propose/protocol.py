@@ -17,15 +17,18 @@ from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.conditions.trim import trim_of
+from softclose.device.told import mean_switch
+from softclose.evaluate.chain import chain_of
 from softclose.plugins import ENGINES, load_object
 from softclose.plugins import EngineError as EngineError
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose.waveform.spaces import Scales, Space, build_space
 
 if TYPE_CHECKING:
     from softclose.population import Population
-    from softclose.propose.swing import Lot
-    from softclose.settings import CampaignConfig
+    from softclose.propose.swing import FewSwitches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +123,7 @@ class Problem:
         """The search space, scaled by the population's mean switch."""
         config = self.config
         scales = Scales.from_switch(
-            np.asarray(self.population.mean_switch, dtype=np.float64),
+            mean_switch(self.population, chain_of(self.config).device),
             plate_area_um2=config.model.plate_area_um2,
             max_volts=config.waveform.max_volts,
             min_rise_us=config.waveform.min_rise_us,
@@ -129,11 +132,16 @@ class Problem:
         return build_space(config.waveform.space, scales)
 
     @cached_property
-    def lot(self) -> Lot:
+    def lot(self) -> FewSwitches:
         """The few switches whose free swing the engines may look at."""
-        from softclose.propose.swing import Lot  # imported where it is used: the compiler is slow to import
+        from softclose.propose.swing import FewSwitches  # imported where it is used: the compiler is slow to import
 
-        return Lot.of(self.population, plate_area_um2=self.config.model.plate_area_um2, trim=self.config.build_trim())
+        trim = self.config.trim
+        return FewSwitches.of(
+            self.population,
+            chain_of(self.config).device,
+            trim=None if trim.measured == "nothing" else trim_of(trim, chain_of(self.config).around),
+        )
 
     @cached_property
     def design_blocks(self) -> dict[tuple[str, int, int], NDArray[np.float64]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from softclose.evaluate import draw
 from softclose.evaluate import evaluate as apply
+from softclose.population.lot import Lot
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Engine, Observation, Problem, Proposal, Wave, WaveEngine
@@ -37,11 +38,11 @@ class EngineRun:
     """The best candidate on the largest ensemble: the finishing stage's where there was one."""
 
 
-def evaluate(problem: Problem, switches: FloatArray, wave: Wave, index: int, proposal: Proposal) -> Observation:
+def evaluate(problem: Problem, switches: Lot, wave: Wave, index: int, proposal: Proposal) -> Observation:
     """Simulate and assess one proposal on the first of the switches; without store or cluster."""
     a = apply(
         problem.config,
-        switches[: proposal.n_switches],
+        switches.rows(slice(proposal.n_switches)),
         proposal.waveform,
         max_volts=problem.config.waveform.max_volts,
     )

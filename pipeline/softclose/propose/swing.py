@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from softclose.compiled import cached_njit
 from softclose.conditions.trim import Trim
+from softclose.device.device import Device
 from softclose.device.scaled import effective
+from softclose.device.told import mean_switch, switches_of
 from softclose.kernel.dispatch import devices
 from softclose.population import Population
 from softclose.switch.plate import closing_voltage, holding_voltage
@@ -30,7 +32,7 @@ _N_STATIC = 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lot:
+class FewSwitches:
     """A few switches that stand for the lot, and the voltages between which a hold is worth trying."""
 
     devices: FloatArray
@@ -41,16 +43,16 @@ class Lot:
     """Pulls 99 % of the lot in (static, Eq. 3) [V]."""
 
     @classmethod
-    def of(cls, population: Population, *, plate_area_um2: float, trim: Trim | None = None) -> Lot:
+    def of(cls, population: Population, device: Device, *, trim: Trim | None = None) -> FewSwitches:
         """The lot of a population; the same every time. Where drives are trimmed, the switches that the common waveform
         moves alike, but for errors of measurement."""
 
         def drawn(n: int) -> FloatArray:
-            switches = population.sample(n, seed=0, sampling="sobol")
+            switches = switches_of(population, device, population.sample_parameters(n, seed=0, sampling="sobol"))
             return switches if trim is None else effective(switches, trim.scales(trim.true(switches)))
 
         few, many = drawn(_N_SWITCHES), drawn(_N_STATIC)
-        mean = np.asarray(population.mean_switch, dtype=np.float64)
+        mean, plate_area_um2 = mean_switch(population, device), device.plate_area_um2
         hold = holding_voltage(many, plate_area_um2)
         pull_in = closing_voltage(many, plate_area_um2)
         return cls(
@@ -88,7 +90,7 @@ class Swing:
         return np.asarray(np.hypot(self.x[:, 1:].std(axis=1), self.v[:, 1:].std(axis=1)))
 
 
-def free_swing(rows: FloatArray, lot: Lot, *, instant_us: FloatArray) -> Swing:
+def free_swing(rows: FloatArray, lot: FewSwitches, *, instant_us: FloatArray) -> Swing:
     """rows: (n, n_pulse, 4) start, rise, peak [µs], volts, of which the last pulse is left out; instant_us: (n,) when
     the states are wanted.
 

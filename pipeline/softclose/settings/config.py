@@ -20,7 +20,7 @@ from softclose.allowed.types import (
 )
 from softclose.conditions.amplifier import AmplifierSection
 from softclose.conditions.temperature import TemperatureSection
-from softclose.conditions.trim import Trim, TrimSection
+from softclose.conditions.trim import TrimSection
 from softclose.naming import nearest
 from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Population, load_population
@@ -72,7 +72,7 @@ class CampaignConfig:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
         self._check_model()
-        self._check_temperature()
+        self.temperature.check_lot(self.build_population())
         self._check_opening()
         # Written out: a store says which area it was computed with, whatever a later version would choose.
         area = self.build_population().plate_area(self.model.plate_area_um2 or None)
@@ -99,11 +99,6 @@ class CampaignConfig:
             raise ValueError(
                 f"waveform.min_rise_us is {self.waveform.min_rise_us:g}; no pulse would be up before model.horizon_us "
                 f"{self.model.horizon_us:g}: lower it, or raise the horizon"
-            )
-        if self.trim.measured != "nothing" and (self.amplifier.scatters or not self.amplifier.is_ideal):
-            raise ValueError(
-                f"trim.measured is {self.trim.measured!r} and [amplifier] is set: what it delivers of a scaled drive "
-                "is no scaled drive; leave one of them out"
             )
         if not self.campaign.budget + self.explore.budget:
             raise ValueError(
@@ -157,43 +152,6 @@ class CampaignConfig:
         if m.name == REDUCED_ORDER and m.quality_factor:
             raise ValueError("model.quality_factor belongs to single-mode: give each [[mode]] its quality_factor")
 
-    def _check_temperature(self) -> None:
-        t = self.temperature
-        tables = {"stiffness": t.stiffness, "gap_um": t.gap_um, "travel_um": t.travel_um}
-        if not t.low_C <= t.high_C:
-            raise ValueError(f"temperature.low_C is {t.low_C:g} and high_C {t.high_C:g}; it must not be reversed")
-        if not t.celsius:
-            if any(tables.values()) or t.low_C != t.high_C or t.worst_of:
-                raise ValueError("temperature.celsius is missing: give the temperatures of the tables")
-            return
-        if t.worst_of and (t.worst_of == 1 or t.low_C == t.high_C):
-            raise ValueError(
-                f"temperature.worst_of is {t.worst_of} from {t.low_C:g} to {t.high_C:g} °C; it must be 0, or 2 and "
-                "more over a range that is one"
-            )
-        if len(t.celsius) < 2 or list(t.celsius) != sorted(set(t.celsius)):
-            raise ValueError("temperature.celsius must list two or more temperatures, rising")
-        for name, values in tables.items():
-            if values and len(values) != len(t.celsius):
-                raise ValueError(
-                    f"temperature.{name} has {len(values)} entries, temperature.celsius {len(t.celsius)}: give as many"
-                )
-        if not (t.celsius[0] <= t.low_C and t.high_C <= t.celsius[-1]):
-            raise ValueError(
-                f"the range of {t.low_C:g} to {t.high_C:g} °C leaves the tables, which end at {t.celsius[0]:g} and "
-                f"{t.celsius[-1]:g} °C: extend them"
-            )
-        lot = self.build_population()
-        for i, celsius in enumerate(t.celsius):
-            longest = lot.D.upper + (t.travel_um[i] if t.travel_um else 0.0)
-            shortest = lot.D.lower + (t.travel_um[i] if t.travel_um else 0.0)
-            narrowest = lot.G.lower + (t.gap_um[i] if t.gap_um else 0.0)
-            if not 0.0 < shortest <= longest < narrowest:
-                raise ValueError(
-                    f"at {celsius:g} °C travels are {shortest:g} to {longest:g} µm and gaps go down to {narrowest:g} "
-                    "µm; every switch needs 0 < D < G: check temperature.travel_um and gap_um"
-                )
-
     def _check_opening(self) -> None:
         release = self.opening.release_us
         if not release:
@@ -204,9 +162,6 @@ class CampaignConfig:
                 f"{self.model.horizon_us:g}: let go then or later"
             )
         others = {
-            "[trim] scales the drive of each switch": self.trim.measured != "nothing",
-            "amplifier.gain_error and time_error scale the drive of each switch": self.amplifier.scatters,
-            "temperature.worst_of tells of each switch only the worst": self.temperature.worst_of > 0,
             f"waveform.space {self.waveform.space} lets go by itself": self.waveform.space.endswith("-release"),
             "the devices themselves are measured": self.model.name == MEASURED,
         }
@@ -326,21 +281,6 @@ class CampaignConfig:
     def build_population(self) -> Population:
         """The population, from its stored description."""
         return Population.from_dict(self.population_model)
-
-    def build_trim(self) -> Trim | None:
-        """How the drives of the population's switches are scaled; None where one waveform drives them all."""
-        t = self.trim
-        if t.measured == "nothing":
-            return None
-        return Trim(
-            population=self.build_population(),
-            plate_area_um2=self.model.plate_area_um2,
-            measured=t.measured,
-            pull_in_error=t.pull_in_error,
-            resonance_error=t.resonance_error,
-            bins=t.bins,
-            scaled=t.scaled,
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON-able values, the inverse of `from_dict`."""

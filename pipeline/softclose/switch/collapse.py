@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.switch.plate import EPSILON_0
 from softclose.switch.reduced_order import ReducedOrder
+from softclose.switch.statics import compliances, pull
 
 FloatArray = NDArray[np.float64]
 
@@ -33,29 +33,15 @@ def collapse_voltage(switches: FloatArray, modes: ReducedOrder, plate_area_um2: 
     switches: (n, 4) columns D, G [µm], K [N/m], M [µg]; returns (n,). Independent of the mass.
     """
     table = np.asarray(switches, dtype=np.float64)
-    travel, gap, stiffness = table[:, :1], table[:, 1:2], table[:, 2:3]
-    ratios = modes.ratios()
-    contact, electrode = ratios[:, 3], ratios[:, 4]
-    compliances = 1.0 / (1e-3 * stiffness * (ratios[:, 0] * ratios[:, 1]))  # (n, n_modes) [µm/mN]
-    # Displacements of contact and electrode by a force of 1 mN on either: of the springs alone, (n, 1).
-    cc, ce, ee = ((compliances @ w)[:, None] for w in (contact**2, contact * electrode, electrode**2))
+    travel, gap = table[:, :1], table[:, 1:2]
+    cc, ce, ee = compliances(table, modes)
     if modes.contact is None and (cc * ee - ce * ce <= 1e-12 * cc * ee).all():
         return np.full(len(table), math.inf)  # the electrode moves with the contact alone
-    at_contact = electrode[0] * travel
+    at_contact = modes.ratios()[0, 4] * travel
     x = at_contact + (1.0 - _CLOSEST) * (gap - at_contact) * np.linspace(0.0, 1.0, _LOOKS)
-    pull, back = _pull(x, gap, modes, plate_area_um2), _reaction(x, travel, cc, ce, ee, modes)
-    borne = np.where(np.isfinite(pull) & (back > 0.0), back / pull, 0.0)
+    per_volt, back = pull(x, gap, modes, plate_area_um2), _reaction(x, travel, cc, ce, ee, modes)
+    borne = np.where(np.isfinite(per_volt) & (back > 0.0), back / per_volt, 0.0)
     return np.asarray(np.sqrt(borne.max(axis=1)))
-
-
-def _pull(x: FloatArray, gap: FloatArray, modes: ReducedOrder, area: float) -> FloatArray:
-    """Electrostatic force over the voltage squared [mN/V²] at positions of the electrode [µm]; NaN where not known."""
-    c = modes.capacitance
-    if c is None:
-        coat = modes.dielectric.gap_um if modes.dielectric else 0.0
-        return np.asarray(0.5e3 * EPSILON_0 * area / (gap + coat - x) ** 2)
-    shrink = c.gap_um / gap
-    return np.asarray(0.5e-6 * c.slope_at(x * shrink) * shrink * shrink)
 
 
 def _reaction(

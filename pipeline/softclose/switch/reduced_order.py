@@ -316,3 +316,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {k: _plain(v) for k, v in value.items() if v != ()}
     return [_plain(v) for v in value] if isinstance(value, list | tuple) else value
+
+
+ONE_MODE = ReducedOrder(mode=(Mode(frequency_kHz=20.0),))
+"""Eqs. 1-2: a lot's K and M say everything of one mode."""

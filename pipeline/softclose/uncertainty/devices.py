@@ -13,16 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softclose.evaluate import evaluate
+from softclose.conditions.streams import Ensemble
+from softclose.evaluate import evaluate, realise, uniforms
 from softclose.metrics.intervals import Interval
 from softclose.metrics.objective import Assessment
 from softclose.population.calibrate import plausible_populations
-from softclose.population.population import Population, index_uniforms
+from softclose.population.population import Population
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
-
-STREAM = 7_400_000
-"""Stream of the uniforms: neither a campaign's nor a certificate's."""
 
 FEWEST_LOTS = 20
 
@@ -75,7 +73,7 @@ def propagate(
     Parameters
     ----------
     config : CampaignConfig
-        Objective, device model and drive; its own population is not used.
+        Objective, device model, drive and conditions; its own population is not used.
     waveform : Waveform
         What drives the lot.
     population : Population
@@ -108,10 +106,11 @@ def propagate(
         raise DevicesError(f"{n_lots} lots make no interval; {FEWEST_LOTS} at least (200 are usual)")
     area = replace(config.model, plate_area_um2=population.plate_area())
     settings = replace(config, model=area, population_model=population.to_dict())
-    uniforms = index_uniforms(n_switches, seed=seed, start=0, stream=STREAM)
+    u = uniforms(settings, n_switches, seed=seed, ensemble=Ensemble.DEVICES)
 
     def judged(lot: Population) -> Assessment:
-        switches = lot.switches(lot.quantile(uniforms))
+        # Conditions go on believing in the lot as fitted: what is scaled by it was scaled before the truth is known.
+        switches = realise(settings, u, population=lot)
         return evaluate(settings, switches, waveform, fresh=True, threads=threads)
 
     figures = np.full((3, n_lots), math.nan)

@@ -14,12 +14,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from softclose.evaluate import judge, respond
 from softclose.metrics.objective import Assessment, Response
 from softclose.metrics.paired import Comparison, compare
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 
 Kind = Literal["stiffness", "charge"]
 
@@ -57,10 +59,8 @@ class Drift:
     within the range."""
 
 
-def drifted(
-    config: CampaignConfig, switches: FloatArray, kind: Kind, drift: float
-) -> tuple[CampaignConfig, FloatArray]:
-    """Lot and campaign after a drift. switches: (n, 4) or (n, 6), as `softclose.evaluate.draw` gives them.
+def drifted(config: CampaignConfig, lot: Lot, kind: Kind, drift: float) -> tuple[CampaignConfig, Lot]:
+    """Lot and campaign after a drift: what was measured on a switch was measured before.
 
     U_pi grows with sqrt(K): a relative drift d of it is K (1 + d)². Charge acts as a voltage between the plates: a
     drift of so many volts is that much less drive.
@@ -68,18 +68,14 @@ def drifted(
     if kind == "stiffness":
         if not drift > -1.0:
             raise DriftError(f"a drift of {drift:g} leaves no stiffness; it must be above -1 (-100 %)")
-        moved = switches.copy()
-        moved[:, 2] *= (1.0 + drift) ** 2
-        return config, moved
-    if config.trim.measured != "nothing":
-        raise DriftError("drift by charge is not available where drives are scaled for each switch: use stiffness")
+        return config, lot.with_columns(K=lot["K"] * (1.0 + drift) ** 2)
     amplifier = replace(config.amplifier, offset_volts=config.amplifier.offset_volts - drift)
-    return replace(config, amplifier=amplifier), switches
+    return replace(config, amplifier=amplifier), lot
 
 
 def drift(
     config: CampaignConfig,
-    switches: FloatArray,
+    switches: Lot | ArrayLike,
     waveform: Waveform,
     kind: Kind,
     values: Sequence[float],
@@ -93,8 +89,9 @@ def drift(
     ----------
     config : CampaignConfig
         Objective, device model, drive.
-    switches : (n, 4) or (n, 6) ndarray
-        Independent random switches of the lot, before they drift.
+    switches : Lot
+        Independent random switches, as `softclose.evaluate.draw` gives them, before they drift; (n, 4) D, G, K, M where
+        no condition needs more.
     waveform : Waveform
         What drives them.
     kind : {"stiffness", "charge"}
@@ -121,8 +118,10 @@ def drift(
     if not all(math.isfinite(v) for v in wanted):
         raise DriftError("a drift is no finite number")
 
+    table = Lot.of(switches)
+
     def under(value: float) -> tuple[Response, Assessment]:
-        moved, lot = drifted(config, switches, kind, value)
+        moved, lot = drifted(config, table, kind, value)
         found = respond(moved, lot, waveform, threads=threads)
         return found, judge(config, found, fresh=True)
 

@@ -1,16 +1,20 @@
-"""Owns global sensitivity: which of D, G, E, T the spread of V and the failure to close come from (Sobol' indices)."""
+"""Owns global sensitivity: what the spread of V and the failure to close come from (Sobol' indices).
+
+Of the lot's four variables, and of whatever its conditions draw: errors of measurement, gain and clock, temperature.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.evaluate import respond
+from softclose.conditions.streams import Draw, key
+from softclose.evaluate import coordinates, realise, respond
 from softclose.metrics.intervals import student_interval
-from softclose.metrics.objective import CM_S
+from softclose.metrics.objective import CM_S, in_time
 from softclose.population import Population
 from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Waveform
@@ -31,7 +35,7 @@ class SensitivityIndex:
     output: str
     """`v_cm_s`: V with 0 for a switch that never touches (it hits with no speed); `closed`: 1 if closed, else 0."""
     variable: str
-    """D, G, E or T."""
+    """D, G, E, T or another variable of the lot, or what a condition draws, such as `gain`."""
     first: float
     """First-order index: the variable by itself. NaN where the output does not vary."""
     first_interval: tuple[float, float]
@@ -68,13 +72,14 @@ def sensitivity(
     confidence: float = 0.95,
     config: CampaignConfig | None = None,
 ) -> Sensitivity:
-    """First-order and total Sobol' indices of V and of closing to D, G, E and T (scipy's Saltelli scheme).
+    """First-order and total Sobol' indices of V and of closing to what each switch is drawn from (Saltelli's scheme).
 
     n: points of each replicate, a power of 2; n_replicates independently scrambled Sobol sequences give the mean index
-    and Student's interval, which quasi-random points by themselves could not. 6 n n_replicates switches are simulated.
+    and Student's interval, which quasi-random points by themselves could not. With d variables, (d + 2) n n_replicates
+    switches are simulated.
     The indices need V of every point, also where a switch never touches: there V counts as 0, and `p_contact` says
     how often. V "among those in contact" has no such indices: contact makes the inputs dependent.
-    config: whose device model answers; the defaults where it is left out. Same seed, same indices.
+    config: whose device model and conditions apply; the defaults where it is left out. Same seed, same indices.
     """
     if n < 2 or n & (n - 1):
         raise SensitivityError(f"n is {n}; it must be a power of 2, such as 512 or 4096")
@@ -87,32 +92,37 @@ def sensitivity(
         )
     from scipy.stats import sobol_indices, uniform
 
-    asked = None if config is None else config.model.plate_area_um2
-    area = population.plate_area(asked)
-    settings = load_config({"model": {"plate_area_um2": area}}) if config is None else config
-    trim = settings.build_trim()
+    settings = load_config({}) if config is None else config
+    area = population.plate_area(None if config is None else config.model.plate_area_um2)
+    settings = replace(
+        settings, population_model=population.to_dict(), model=replace(settings.model, plate_area_um2=area)
+    )
+    drawn = coordinates(settings)
+    names = [part for c in drawn for part in c.parts]
+    edges = np.cumsum([len(c.parts) for c in drawn])[:-1]
     touched = closed = total = 0
     spread: list[FloatArray] = []
 
     def outputs(p: FloatArray) -> FloatArray:
         nonlocal touched, closed, total
-        switches = population.switches(population.quantile(p.T))
-        r = respond(settings, switches if trim is None else trim.trimmed(switches), waveform)
+        u = {c.name: part for c, part in zip(drawn, np.split(p.T, edges, axis=1), strict=True)}
+        r = respond(settings, realise(settings, u), waveform)
+        held = in_time(r, settings.objective.closed_by_us)
         v = np.asarray(r.max_contact_speed, dtype=np.float64)
         total += v.size
         touched += int((~np.isnan(v)).sum())
-        closed += int(np.sum(r.closed))
-        out = np.stack([np.nan_to_num(v, nan=0.0) * CM_S, np.asarray(r.closed, dtype=np.float64)])
+        closed += int(np.sum(held))
+        out = np.stack([np.nan_to_num(v, nan=0.0) * CM_S, held.astype(np.float64)])
         spread.append(np.ptp(out, axis=1))
         return out
 
     replicates = []
     # The unit cube goes in, and `quantile` maps it: scipy then needs to know nothing about the distributions.
     for i in range(n_replicates):
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(i,)))
+        rng = np.random.default_rng(key(seed, Draw.SENSITIVITY, i))
         spread.clear()
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: Any = sobol_indices(func=outputs, n=n, dists=[uniform()] * 4, rng=rng)
+            found: Any = sobol_indices(func=outputs, n=n, dists=[uniform()] * len(names), rng=rng)
         indices = np.array([found.first_order, found.total_order])
         indices[:, np.max(spread, axis=0) == 0.0] = np.nan  # 0/0, which scipy calls 0
         replicates.append(indices)
@@ -128,7 +138,7 @@ def sensitivity(
                 total_interval=student_interval(table[:, 1, i, j], confidence),
             )
             for i, output in enumerate(OUTPUTS)
-            for j, v in enumerate(population.variables)
+            for j, v in enumerate(names)
         ),
         p_contact=touched / total,
         p_closed=closed / total,

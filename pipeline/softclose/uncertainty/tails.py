@@ -2,7 +2,8 @@
 
 Brute force beside the methods of structural reliability, which OpenTURNS (extra `tails`) computes: first and second
 order at the most probable point of failure, importance sampling around it, subset sampling. The space is standard
-normal: one number for each of D, G, E and T, and for each error of measurement where drives are trimmed.
+normal: one number for each variable of the lot, and for each that a condition draws: errors of measurement, gain and
+clock of the drive, temperature.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from scipy.special import ndtr
 
-from softclose.evaluate import draw, respond
+from softclose.conditions.streams import Ensemble
+from softclose.evaluate import coordinates, draw, realise, respond
 from softclose.metrics.intervals import Interval, clopper_pearson, normal_quantile
-from softclose.metrics.objective import CM_S
+from softclose.metrics.objective import CM_S, in_time
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 
@@ -30,9 +33,6 @@ Method = Literal["brute", "form", "sorm", "importance", "subset"]
 
 EVENTS: tuple[Event, ...] = ("fast", "open")
 METHODS: tuple[Method, ...] = ("brute", "form", "sorm", "importance", "subset")
-
-STREAM = 7_300_000
-"""Stream of the switches of brute force: neither those of a campaign nor those of a certificate."""
 
 LEAST = 1e-12
 """A probability below it is none: distributions with bounds have an end."""
@@ -114,7 +114,7 @@ def tail(
     Raises
     ------
     TailError
-        For another event or method, without OpenTURNS, or where drives are trimmed by contact times.
+        For another event or method, or without OpenTURNS.
     """
     if event not in EVENTS:
         raise TailError(f"the event is {event!r}; it must be one of {', '.join(EVENTS)}")
@@ -156,28 +156,30 @@ class _Space:
     ) -> None:
         self.config, self.waveform, self.event, self.threads = config, waveform, event, threads
         self.threshold = limit_cm_s if event == "fast" else 0.0
-        self.population, self.trim = config.build_population(), config.build_trim()
-        self.dim = 4 if self.trim is None else 6
+        self.coordinates = coordinates(config)
+        self.dim = sum(len(c.parts) for c in self.coordinates)
         self.n = 0
 
-    def lot(self, u: FloatArray) -> FloatArray:
-        """(n, 4) or (n, 6) switches at (n, dim) standard normal coordinates."""
-        p = ndtr(u)
-        switches = self.population.switches(self.population.quantile(p[:, :4]))
-        if self.trim is None:
-            return switches
-        return self.trim.trimmed(switches, self.trim.true(switches) * self.trim.factors(p[:, 4:]))
+    def lot(self, u: FloatArray) -> Lot:
+        """The switches at (n, dim) standard normal coordinates."""
+        edges = np.cumsum([len(c.parts) for c in self.coordinates])[:-1]
+        parts = np.split(ndtr(u), edges, axis=1)
+        return realise(self.config, {c.name: p for c, p in zip(self.coordinates, parts, strict=True)})
 
-    def measure(self, lot: FloatArray) -> FloatArray:
-        """(n,) V [cm/s], or how open a switch is: failure is a value above the threshold."""
+    def measure(self, lot: Lot) -> FloatArray:
+        """(n,) V [cm/s], or how open a switch is: failure is a value above the threshold.
+
+        A switch that could not be integrated is open, and has no V.
+        """
         self.n += len(lot)
         r = respond(self.config, lot, self.waveform, threads=self.threads)
         if self.event == "fast":
             return np.nan_to_num(r.max_contact_speed * CM_S, nan=0.0)
-        horizon = self.config.model.horizon_us
-        # Closed: by how much of the horizon too early; open: by how much of its travel too far. It jumps in between.
-        missing = np.clip(1.0 - r.final_x / lot[:, 0], 1e-3, None)
-        return np.where(r.closed, np.minimum(r.settling_us / horizon - 1.0, 0.0), missing)
+        limit = self.config.objective.closed_by_us or self.config.model.horizon_us
+        # Closed: by how much of the time too early; open: by how much of its travel too far. It jumps in between.
+        missing = np.clip(1.0 - np.nan_to_num(r.final_x, nan=0.0) / lot["D"], 1e-3, None)
+        closed = in_time(r, self.config.objective.closed_by_us)
+        return np.where(closed, np.minimum(r.settling_us / limit - 1.0, 0.0), missing)
 
     def __call__(self, u: Any) -> FloatArray:
         return self.measure(self.lot(np.asarray(u, dtype=np.float64).reshape(-1, self.dim)))[:, None]
@@ -187,14 +189,12 @@ def _brute(space: _Space, n: int, confidence: float, seed: int) -> Tail:
     count = 0
     for start in range(0, n, _PART):
         size = min(_PART, n - start)
-        lot = draw(space.config, size, seed=seed, start=start, stream=STREAM)
+        lot = draw(space.config, size, seed=seed, start=start, ensemble=Ensemble.TAIL)
         count += int((space.measure(lot) > space.threshold).sum())
     return Tail(method="brute", probability=count / n, interval=clopper_pearson(count, n, confidence), n_switches=n)
 
 
 def _reliability(space: _Space, method: Method, relative_error: float, confidence: float, seed: int) -> Tail:
-    if space.trim is not None and space.trim.measured == "contact times":
-        return _none(space, method, "drives trimmed by contact times have no standard normal space: use brute")
     ot = _openturns()
     space.n = 0
     ot.RandomGenerator.SetSeed(seed)

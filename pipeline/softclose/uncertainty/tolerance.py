@@ -13,12 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.conditions.streams import Draw, key
+from softclose.device.device import joined
 from softclose.evaluate import judge, respond
-from softclose.metrics.objective import Assessment, Judged
+from softclose.metrics.objective import Assessment
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig, load_config
-from softclose.waveform import Pulse, Waveform
+from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
+
+
+LARGEST = 10.0
+"""Largest relative error of gain, and largest jitter [µs]: beyond it nothing is a tolerance any more."""
+
+
+FASTEST = 1e6
+"""Slew rate beyond which none is a limit [V/µs]."""
 
 
 class ToleranceError(ValueError):
@@ -41,10 +52,10 @@ class DriveError:
     def __post_init__(self) -> None:
         for name, low in (("gain", -1.0), ("gain_sd", 0.0), ("jitter_us", 0.0), ("slew_V_per_us", 0.0)):
             value = getattr(self, name)
-            if math.isnan(value) or value < low or (name == "slew_V_per_us" and value == 0.0):
-                raise ToleranceError(
-                    f"{name} is {value:g}; it must be {'above' if 'slew' in name else 'at least'} {low:g}"
-                )
+            high = math.inf if "slew" in name else LARGEST
+            if math.isnan(value) or not low <= value <= high or (name == "slew_V_per_us" and value == 0.0):
+                allowed = f"above {low:g}" if "slew" in name else f"from {low:g} to {high:g}"
+                raise ToleranceError(f"{name} is {value:g}; it must be {allowed}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +82,7 @@ DEFAULT_ERRORS: tuple[DriveError, ...] = (
 
 
 def drive_tolerance(
-    switches: ArrayLike,
+    switches: Lot | ArrayLike,
     waveform: Waveform,
     *,
     errors: Sequence[DriveError] = DEFAULT_ERRORS,
@@ -79,27 +90,47 @@ def drive_tolerance(
     seed: int = 0,
     config: CampaignConfig | None = None,
 ) -> tuple[DriveTolerance, ...]:
-    """Assess one waveform under each scenario; the first row is the perfect generator.
+    """Assess one waveform under each scenario; the first row is the generator without these errors.
 
-    switches: (n, 4) D, G [µm], K [N/m], M [µg], in random order (as sampled). Where errors are random, n_generators
-    drives are drawn, keyed by (seed, generator), and each drives an equal share of the switches. Gain multiplies the
-    volts; jitter moves the pulses; slew stretches ramps, see `distorted`. Errors may exceed waveform.max_volts: the
-    limit is for designs, not for faults.
-    config: whose device model and objective apply; the defaults where it is left out. Intervals are those of
-    independent random draws, which the switches have to be.
+    Parameters
+    ----------
+    switches : Lot
+        Independent random switches, as `softclose.evaluate.draw` gives them; (n, 4) D, G, K, M where no condition
+        needs more.
+    waveform : Waveform
+        What is commanded. Errors may exceed waveform.max_volts: the limit is for designs, not for faults.
+    errors : sequence of DriveError
+        The scenarios. They come on top of what the campaign's own amplifier does: gains multiply its gain, jitter moves
+        the pulses, and a slew rate limits it where its own is faster.
+    n_generators : int
+        Where errors are random, so many drives are drawn, keyed by (seed, generator); each drives an equal share.
+    seed : int
+        Of the generators.
+    config : CampaignConfig, optional
+        Whose device model, conditions and objective apply; the defaults where it is left out.
+
+    Returns
+    -------
+    tuple of DriveTolerance
+        The perfect generator, then one for each scenario.
+
+    Raises
+    ------
+    ToleranceError
+        Where no generator drives the switches.
     """
-    table = np.asarray(switches, dtype=np.float64)
+    lot = Lot.of(switches)
     if n_generators < 1:
         raise ToleranceError(f"n_generators is {n_generators}; at least 1 generator must drive the switches")
     settings = load_config({}) if config is None else config
 
     def run(error: DriveError) -> Assessment:
-        speed, closed = np.full(len(table), np.nan), np.zeros(len(table), dtype=np.bool_)
-        status = np.zeros(len(table), dtype=np.int8)
-        for share, drive in _drives(len(table), waveform, error, n_generators, seed):
-            r = respond(settings, table[share], drive)
-            speed[share], closed[share], status[share] = r.max_contact_speed, r.closed, r.status
-        return judge(settings, Judged(max_contact_speed=speed, closed=closed, status=status), fresh=True)
+        faulty = _slewed(settings, error)
+        found = [
+            respond(faulty, driven(lot.rows(share), gain), drive)
+            for share, drive, gain in _drives(len(lot), waveform, error, n_generators, seed)
+        ]
+        return judge(faulty, joined(found), fresh=True)
 
     perfect = run(DriveError())
     rows = [DriveTolerance(error=DriveError(), assessment=perfect, v_u_shift_cm_s=0.0, p_nc_shift=0.0)]
@@ -116,41 +147,42 @@ def drive_tolerance(
     return tuple(rows)
 
 
+def driven(lot: Lot, gain: float) -> Lot:
+    """A lot whose drives all have another gain, on top of their own."""
+    return lot if gain == 0.0 else lot.with_columns(gain=lot.get("gain", 1.0) * (1.0 + gain))
+
+
+def _slewed(config: CampaignConfig, error: DriveError) -> CampaignConfig:
+    """The campaign whose amplifier is no faster than the error says."""
+    if math.isinf(error.slew_V_per_us):
+        return config
+    slew = min(config.amplifier.slew_volts_per_us or math.inf, error.slew_V_per_us, FASTEST)
+    return replace(config, amplifier=replace(config.amplifier, slew_volts_per_us=slew))
+
+
 def _drives(
     n: int, waveform: Waveform, error: DriveError, n_generators: int, seed: int
-) -> Iterator[tuple[slice, Waveform]]:
-    """Shares of the switches, each with the waveform that its generator puts out."""
+) -> Iterator[tuple[slice, Waveform, float]]:
+    """Shares of the switches, each with the waveform that its generator commands and its relative error of gain."""
     if error.gain_sd == 0.0 and error.jitter_us == 0.0:
-        yield slice(None), distorted(waveform, error)
+        yield slice(None), waveform, error.gain
         return
     edges = np.linspace(0, n, min(n_generators, n) + 1).astype(int)
     n_later = len(waveform.pulses) - 1
     for i, (a, b) in enumerate(itertools.pairwise(edges)):
         # The same standard draws in every scenario, so that scenarios differ by their size only.
-        z = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(i,)))).standard_normal(
-            1 + n_later
-        )
+        z = np.random.Generator(np.random.Philox(key(seed, Draw.TOLERANCE, i))).standard_normal(1 + n_later)
         gain = error.gain + error.gain_sd * float(z[0])
-        yield slice(a, b), distorted(waveform, replace(error, gain=max(gain, -1.0)), error.jitter_us * z[1:])
+        yield slice(a, b), jittered(waveform, error.jitter_us * z[1:]), max(gain, -1.0)
 
 
-def distorted(waveform: Waveform, error: DriveError, delays_us: ArrayLike | None = None) -> Waveform:
-    """What a generator with this systematic gain and slew rate makes of a waveform.
+def jittered(waveform: Waveform, delays_us: ArrayLike) -> Waveform:
+    """The waveform whose pulses after the first come later.
 
-    delays_us: (n_pulse - 1,) shifts of the pulses after the first [µs]; no pulse is moved to before t = 0. A slewed
-    pulse begins to rise and to fall when it should: what its ramps gain its flat top loses, and its area stays. Where
-    the top is used up it turns back before it has reached its voltage.
+    delays_us: (n_pulse - 1,) shifts [µs]; no pulse is moved to before t = 0.
     """
-    delays = [0.0, *(np.zeros(len(waveform.pulses) - 1) if delays_us is None else np.asarray(delays_us, dtype=float))]
-    pulses = []
-    for pulse, delay in zip(waveform.pulses, delays, strict=True):
-        volts = pulse.volts * (1.0 + error.gain)
-        rise, peak = pulse.rise_us, pulse.peak_us
-        slewed = math.pi * volts / (2.0 * error.slew_V_per_us)  # steepest slope of a raised cosine: π u / (2 tr)
-        if slewed > rise:
-            until_fall = rise + peak
-            rise = min(slewed, until_fall)
-            volts *= rise / slewed
-            peak = until_fall - rise
-        pulses.append(Pulse(max(pulse.start_us + float(delay), 0.0), rise, peak, volts))
-    return Waveform(pulses)
+    first, *later = waveform.pulses
+    delays = np.asarray(delays_us, dtype=np.float64)
+    return Waveform(
+        [first, *(replace(p, start_us=max(p.start_us + float(d), 0.0)) for p, d in zip(later, delays, strict=True))]
+    )

@@ -77,7 +77,17 @@ def read_trace(
     shift_us: float = 0.0,
     scale: float = 1.0,
 ) -> Trace:
-    """A drive from a table of instants and voltages; see `read_record`."""
+    """A drive from a table of instants and voltages.
+
+    Parameters
+    ----------
+    path, columns, time_unit, volt_unit, shift_us, scale
+        See `softclose.waveform.recorded.read_record`, as for the errors.
+
+    Returns
+    -------
+    Trace
+    """
     return read_record(
         path, columns=columns, time_unit=time_unit, volt_unit=volt_unit, shift_us=shift_us, scale=scale
     ).trace

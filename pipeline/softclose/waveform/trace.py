@@ -74,7 +74,20 @@ class Trace:
         return float(max(inside.max(), abs(float(self.voltage(horizon_us)))))
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
-        """Raise WaveformError where |u| exceeds max_volts on [0, horizon]."""
+        """Make sure that |u| stays within a limit.
+
+        Parameters
+        ----------
+        max_volts : float
+            The limit [V].
+        horizon_us : float
+            It holds on [0, horizon] [µs].
+
+        Raises
+        ------
+        WaveformError
+            Where the trace exceeds it.
+        """
         peak = self.max_voltage(horizon_us)
         if peak > max_volts * (1.0 + 1e-9):
             raise WaveformError(f"the trace reaches {peak:.6g} V; {max_volts:g} V are allowed (waveform.max_volts)")

@@ -199,7 +199,7 @@ def _repair_frame(path: StorePath, recompute: Recompute, report: Report, log: _L
         config=config,
         fingerprint=source.fingerprint,
         algorithm=source.algorithm,
-        population=population_columns(recompute.population(config), layout.n_switches),
+        population=population_columns(layout, recompute.population(config)),
         runtime=_runtime(source),
         durable=bool(attributes["durable"]),
     )

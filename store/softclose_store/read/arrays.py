@@ -129,18 +129,14 @@ def layout_of(files: DescribedFiles, root: Root) -> Layout:
     raise problem
 
 
-LOT = ("D", "G", "K", "M", "voltage_scale", "time_scale")
-"""What a simulation takes of each switch: its own parameters, then the scales of its drive."""
-
-
-def read_switches(path: StorePath) -> NDArray[np.float64]:
-    """The whole ensemble: (n_switches, 6) float64, columns D [µm], G [µm], K [N/m], M [µg], and the voltage and time
-    scale of its drive: 1 where one waveform drives all."""
+def read_population(path: StorePath) -> dict[str, NDArray[np.float64]]:
+    """The whole ensemble: every column of the population, (n_switches,) float64, by its name. Raises DamageError."""
     files, where = open_files(path, read_only=True), normalised(path)
     root = read_root(files, where)
-    return switches_of(described(files, root, where), root)
+    read = described(files, root, where)
+    return population_of(read, root)
 
 
-def switches_of(files: DescribedFiles, root: Root) -> NDArray[np.float64]:
+def population_of(files: DescribedFiles, root: Root) -> dict[str, NDArray[np.float64]]:
     """The whole ensemble of the store whose files are given. Raises DamageError."""
-    return np.column_stack([read_static(files, root, name) for name in LOT])
+    return {name: read_static(files, root, name) for name, *_ in root.attributes["layout"]["columns"]}

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from softclose_store.disk.files import StorePath, normalised, open_files
 from softclose_store.errors import StoreError
-from softclose_store.read.arrays import LOT, described, layout_of, read_array, read_static
+from softclose_store.read.arrays import described, layout_of, read_array, read_static
 from softclose_store.read.checked import CheckedBlocks
 from softclose_store.read.described import DescribedFiles
 from softclose_store.read.labelled import CheckedFiles
 from softclose_store.read.rows import LazyRows
 from softclose_store.read.table import Table
-from softclose_store.schema.fields import PARAMETERS, POPULATION, QUANTITIES, limit_texts
+from softclose_store.schema.fields import PARAMETERS, QUANTITIES, limit_texts
 from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import read_root
@@ -349,20 +349,13 @@ class Campaign:
         )
 
     def population(self) -> dict[str, FloatArray]:
-        """The whole ensemble: D, G [µm], E [GPa], T [µm], K [N/m], M [µg], (n_switches,) each."""
-        return {name: self._static(name).copy() for name in POPULATION}
+        """The whole ensemble: every column of the population, (n_switches,) each, by its name."""
+        return {column.name: self._static(column.name).copy() for column in self.layout.columns}
 
     def switches(self) -> FloatArray:
-        """The whole ensemble as the simulator takes it: (n_switches, 4), columns D, G, K, M."""
-        return self.lot()[:, :4]
-
-    def lot(self) -> FloatArray:
-        """The whole ensemble with its drives: (n_switches, 6), columns D, G, K, M, voltage scale, time scale.
-
-        The scales are those that were asked for; a drive's limits may end them earlier.
-        """
+        """The switches alone: (n_switches, 4), columns D, G, K, M."""
         population = self.population()
-        return np.column_stack([population[name] for name in LOT])
+        return np.column_stack([population[name] for name in ("D", "G", "K", "M")])
 
     def dataset(self, stage: str | None = None) -> xr.Dataset:
         """The tables as xarray sees them, lazily.

@@ -17,6 +17,8 @@ MOST_CANDIDATES = 10_000_000
 """Of a stage. What is allocated follows from the files that are there, not from this."""
 MOST_SWITCHES = 100_000_000
 MOST_STAGES = 500
+MOST_COLUMNS = 200
+"""Of a population."""
 MOST_TABLE_CHUNK = 128
 """Candidates in one chunk of a table: what a table's file may hold follows from it."""
 MOST_DECODED = 2**28
@@ -25,6 +27,8 @@ MOST_DECODED = 2**28
 Text = Annotated[str, StringConstraints(max_length=10_000)]
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Key = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$", max_length=400)]
+Column = Annotated[list[Annotated[str, StringConstraints(max_length=200)]], Field(min_length=3, max_length=3)]
+"""Name, unit and meaning of a column of the population."""
 Json = dict[str, Any]
 
 D = TypeVar("D", bound="Document")
@@ -60,6 +64,7 @@ class LayoutDocument(Document):
     max_impacts: Annotated[int, Field(ge=0, le=4_096)]
     n_pulses: Annotated[int, Field(ge=1, le=1_000)]
     limits_cm_s: Annotated[list[float], Field(max_length=1_000)]
+    columns: Annotated[list[Column], Field(min_length=1, max_length=MOST_COLUMNS)]
     table_chunk: Annotated[int, Field(ge=1, le=MOST_TABLE_CHUNK)] | None = None
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Version of this schema; a store of another one is refused by name."""
 
 N_SURROGATE = 32
@@ -21,20 +21,28 @@ PARAMETERS = {
 }
 """Columns of a waveform: name -> (meaning, unit)."""
 
-POPULATION = {
-    "D": ("travel to contact", "µm"),
-    "G": ("electrostatic gap", "µm"),
-    "E": ("Young's modulus", "GPa"),
-    "T": ("thickness", "µm"),
-    "K": ("stiffness", "N/m"),
-    "M": ("effective mass", "µg"),
-    "voltage_scale": ("scale of the volts of its drive", "1"),
-    "time_scale": ("scale of the times of its drive", "1"),
-}
-"""Per-switch properties: name -> (meaning, unit)."""
 
-OF_A_PLATE = ("E", "T")
-"""Those that are NaN throughout where a lot's K and M do not follow from a plate."""
+@dataclass(frozen=True, slots=True)
+class PopulationColumn:
+    """A property of every switch of a population. Which there are is for whoever creates the store to say."""
+
+    name: str
+    """Its array's name."""
+    unit: str
+    """Its unit; "1" where there is none."""
+    long_name: str
+    """What it is, in words."""
+
+
+PLATE: tuple[PopulationColumn, ...] = (
+    PopulationColumn("D", "µm", "travel to contact"),
+    PopulationColumn("G", "µm", "electrostatic gap"),
+    PopulationColumn("E", "GPa", "Young's modulus"),
+    PopulationColumn("T", "µm", "thickness"),
+    PopulationColumn("K", "N/m", "stiffness"),
+    PopulationColumn("M", "µg", "effective mass"),
+)
+"""Columns of a population of plates under one drive."""
 
 INTERVALS = ("wald", "wilson", "clopper_pearson")
 """Intervals kept for each probability."""

@@ -24,8 +24,6 @@ from softclose_store.schema.fields import (
     DIGESTS,
     IMPACT_QUANTITIES,
     N_SURROGATE,
-    OF_A_PLATE,
-    POPULATION,
     QUANTITIES,
     SCHEMA_VERSION,
     WALL,
@@ -122,8 +120,8 @@ class Static:
 def static_arrays(layout: Layout, population: Mapping[str, NDArray[np.float64]]) -> dict[str, Static]:
     """Every static array of a store, by its name from the root."""
     arrays = {
-        name: Static(dims=("switch",), values=population[name], unit=unit, long_name=long_name)
-        for name, (long_name, unit) in POPULATION.items()
+        c.name: Static(dims=("switch",), values=population[c.name], unit=c.unit, long_name=c.long_name)
+        for c in layout.columns
     }
     fields = layout.fields
     arrays |= {
@@ -178,14 +176,14 @@ def text_codec() -> ZstdCodec:
     return ZstdCodec(level=1)
 
 
-def population_columns(population: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[np.float64]]:
+def population_columns(layout: Layout, population: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
     """The columns of a population as they are stored; raises LayoutError."""
-    if set(population) != set(POPULATION):
-        raise LayoutError(f"the population has columns {sorted(population)}; it needs {sorted(POPULATION)}")
-    columns = {name: np.ascontiguousarray(population[name], dtype=np.float64) for name in POPULATION}
+    names, n = [c.name for c in layout.columns], layout.n_switches
+    if set(population) != set(names):
+        raise LayoutError(f"the population has columns {sorted(population)}; it needs {sorted(names)}")
+    columns = {name: np.ascontiguousarray(population[name], dtype=np.float64) for name in names}
     for name, column in columns.items():
-        unknown = name in OF_A_PLATE and bool(np.all(np.isnan(column)))
-        if column.shape != (n,) or not (unknown or np.all(np.isfinite(column))):
+        if column.shape != (n,) or not np.all(np.isfinite(column)):
             raise LayoutError(f"population column {name} has shape {column.shape}; it must be ({n},), all finite")
     return columns
 
@@ -242,7 +240,7 @@ def _schema(sizes: str) -> Mapping[str, bytes]:
         for stage in layout.stages:
             attributes = {"first_candidate": layout.first(stage.name), "n_candidates": stage.n_candidates}
             await group.create_group(stage.name, attributes=attributes)
-        for name, static in static_arrays(layout, dict.fromkeys(POPULATION, nothing)).items():
+        for name, static in static_arrays(layout, dict.fromkeys([c.name for c in layout.columns], nothing)).items():
             await group.create_array(name, **_static_options(static))
         await group.create_array(HYPERPARAMETER, **_static_options(_no_hyperparameters()))
         for spec in TABLES.values():

@@ -15,9 +15,11 @@ from softclose_store.errors import LayoutError, RecordError, SchemaError
 from softclose_store.schema.fields import (
     IMPACT_QUANTITIES,
     PARAMETERS,
+    PLATE,
     QUANTITIES,
     SCHEMA_VERSION,
     Field,
+    PopulationColumn,
     number_fields,
 )
 
@@ -35,6 +37,7 @@ TABLE_CHUNK = 128
 """Most candidates in one chunk of a table: few files, and a commit rewrites only the last of each."""
 
 _STAGE_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
+_COLUMN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 RESERVED = frozenset({"runtime", "records", "words", "surrogate", "digests", "wall_times", "hyperparameter"}) | {
     name for stem in ("field", "word", "digest", "wall_time") for name in (stem, f"{stem}_unit", f"{stem}_long_name")
 }
@@ -153,6 +156,8 @@ class Layout:
     """Most pulses of a waveform."""
     limits_cm_s: tuple[float, ...] = (19.7,)
     """Contact speeds for which P(V > limit) is stored [cm/s]."""
+    columns: tuple[PopulationColumn, ...] = PLATE
+    """Columns of the population."""
     table_chunk: int = 0
     """Candidates in one chunk of a table; 0: equal parts, so that hardly any chunk is a partial one. An extension keeps
     what it finds."""
@@ -172,6 +177,14 @@ class Layout:
         if len(set(limits)) < len(limits):
             raise LayoutError(f"limits_cm_s is {limits}; each limit is stored once")
         object.__setattr__(self, "limits_cm_s", limits)
+        taken = RESERVED | {"switch", *names}
+        columns = [column.name for column in self.columns]
+        wrong = [n for n in columns if not isinstance(n, str) or not _COLUMN_NAME.fullmatch(n) or n in taken]
+        if wrong or not columns or len(set(columns)) < len(columns):
+            raise LayoutError(
+                f"the population has columns {columns}; it has one or more, each of a name of its own made of letters, "
+                "digits and _, which is not that of a stage"
+            )
         object.__setattr__(self, "table_chunk", _integer("table_chunk", self.table_chunk or self._equal_parts, 1))
 
     @property
@@ -300,6 +313,7 @@ class Layout:
             "max_impacts": self.max_impacts,
             "n_pulses": self.n_pulses,
             "limits_cm_s": list(self.limits_cm_s),
+            "columns": [[c.name, c.unit, c.long_name] for c in self.columns],
         }
         return data if self.table_chunk == self._equal_parts else data | {"table_chunk": self.table_chunk}
 
@@ -319,6 +333,7 @@ class Layout:
         return cls(
             stages=stages,
             times_us=times_us,
+            columns=tuple(PopulationColumn(*column) for column in data["columns"]),
             table_chunk=data.get("table_chunk", 0),
             **{name: data[name] for name in kept},
         )
@@ -336,8 +351,8 @@ def check_schema(version: Any, where: str) -> None:
         raise SchemaError(f"{where} has schema version {version!r}, which no softclose writes: is it damaged?")
     if version < SCHEMA_VERSION:
         raise SchemaError(
-            f"{where} has schema version {version}, which softclose 0.1 wrote; this version of softclose reads "
-            f"{SCHEMA_VERSION}: read the store with softclose 0.1, or run its configuration again into another path"
+            f"{where} has schema version {version}, which an earlier softclose wrote; this version of softclose reads "
+            f"{SCHEMA_VERSION}: read the store with that one, or run its configuration again into another path"
         )
     if version > SCHEMA_VERSION:
         raise SchemaError(

@@ -89,7 +89,7 @@ def create_campaign(
         raise StoreError(f"the fingerprint given is {fingerprint}, but the configuration's is {identity}")
     if _same_campaign_exists(path, config, identity, algorithm, exist_ok=exist_ok):
         return
-    columns = population_columns(population, layout.n_switches)
+    columns = population_columns(layout, population)
     target = local_path(path)
     hierarchy = build_hierarchy(
         layout,

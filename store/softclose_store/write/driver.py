@@ -14,7 +14,7 @@ from softclose_store import faults
 from softclose_store.disk.files import StorePath, normalised, open_files, write_key
 from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import DamageError, OtherAlgorithmError, OtherConfigurationError, RecordError
-from softclose_store.read.arrays import described, layout_of, open_arrays, switches_of
+from softclose_store.read.arrays import described, layout_of, open_arrays, population_of
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import never
 from softclose_store.read.metadata import check_metadata
@@ -138,9 +138,9 @@ class DriverStore:
         return self._root.n_waves
 
     @property
-    def lot(self) -> NDArray[np.float64]:
-        """(n_switches, 6) float64: D [µm], G [µm], K [N/m], M [µg], voltage and time scale of the drive."""
-        return switches_of(self._read, self._root)
+    def population(self) -> dict[str, NDArray[np.float64]]:
+        """The whole ensemble: every column of the population, (n_switches,) float64, by its name."""
+        return population_of(self._read, self._root)
 
     def records(self) -> dict[str, NDArray[Any]]:
         """Every value of the committed candidates, by name: (n_committed, …) each, copies."""

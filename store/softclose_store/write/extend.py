@@ -17,11 +17,10 @@ from zarr.abc.store import Store
 from softclose_store.disk.files import StorePath, delete_key, look_at, normalised, open_files, write_key
 from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import LayoutError, OtherAlgorithmError, OtherConfigurationError, StoreError
-from softclose_store.read.arrays import described, layout_of, read_static
+from softclose_store.read.arrays import described, layout_of, population_of, read_static
 from softclose_store.read.metadata import check_metadata
 from softclose_store.read.table import Table
 from softclose_store.schema import digests
-from softclose_store.schema.fields import POPULATION
 from softclose_store.schema.hierarchy import TABLES, build_hierarchy
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import decode_root, layout_without_times, read_root, write_root
@@ -173,7 +172,7 @@ def _extended(
         config=config,
         fingerprint=digests.fingerprint_of(config),
         algorithm=root.algorithm,
-        population={name: read_static(read, root, name) for name in POPULATION},
+        population=population_of(read, root),
         runtime=root.created().metadata["runtime"]["attributes"],
         durable=bool(root.attributes["durable"]),
     )
@@ -198,7 +197,7 @@ def _contents(files: Store, root: Root, extended: Root, where: str) -> dict[str,
         config=attributes["config"],
         fingerprint=extended.fingerprint,
         algorithm=extended.algorithm,
-        population={name: read_static(read, root, name) for name in POPULATION},
+        population=population_of(read, root),
         runtime=extended.created().metadata["runtime"]["attributes"],
         durable=bool(attributes["durable"]),
     )

@@ -90,7 +90,7 @@ def assess_trace(
     chosen_seed = seed if seed is not None else best.seed if best is not None else config.campaign.seed
     drives: list[Drive] = [trace] if best is None else [trace, best.waveform]
     judged = simulate_fresh(
-        config, drives, n_switches=n_switches, seed=chosen_seed, untrimmed=[0], threads=threads, listener=listener
+        config, drives, n_switches=n_switches, seed=chosen_seed, for_everybody=[0], threads=threads, listener=listener
     )
     assessments = [judge(config, j, fresh=True) for j in judged]
     return AssessedTrace(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.conditions.streams import Ensemble
 from softclose.metrics.objective import Judged
 from softclose.settings import CampaignConfig
 from softclose_store import (
@@ -40,8 +41,6 @@ from softclose_workflows.run.opening import opening_arrays, openings_of
 GROUP = "certification"
 """Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
 
-STREAM = 1
-"""Random stream of certification ensembles; campaigns train on stream 0."""
 
 _NAME = re.compile(rf"{GROUP}/(\d+)-(\d+)")
 
@@ -190,7 +189,7 @@ def write_certificate(path: str, result: Certification) -> None:
         arrays,
         {
             **asdict(request),
-            "stream": STREAM,
+            "stream": int(Ensemble.CERTIFICATE),
             "sampling": "monte-carlo",
             "limits_cm_s": [e.limit_cm_s for e in result.best.assessment.p_exceed],
             "level": result.best.assessment.level,

@@ -13,14 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from softclose.evaluate import N_PARAMETERS, draw, respond
+from softclose.conditions.streams import Ensemble
+from softclose.evaluate import draw, respond
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
 from softclose.opening import Opening, OpeningError, Openings, assess_opening, joined, let_go
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Drive, FloatArray, Waveform
 from softclose_store import Campaign, StoreMissingError, group_attributes, open_campaign
-from softclose_workflows.analyses.certificates import STREAM as STREAM
 from softclose_workflows.analyses.certificates import name_of, read_certificate, request_of, write_certificate
 from softclose_workflows.analyses.certificates import read_certification as read_certification
 from softclose_workflows.analyses.certification import Certification as Certification
@@ -157,7 +158,7 @@ def certified_on(
         list(new.values()),
         n_switches=request.n_switches,
         seed=request.seed,
-        untrimmed=[i for i, name in enumerate(new) if name in references],
+        for_everybody=[i for i, name in enumerate(new) if name in references],
         threads=threads,
         listener=listener,
     )
@@ -190,9 +191,9 @@ def _openings(campaign: Campaign, config: CampaignConfig, result: Certification,
     )
 
 
-def fresh_switches(config: CampaignConfig, n: int, *, seed: int, start: int = 0) -> FloatArray:
+def fresh_switches(config: CampaignConfig, n: int, *, seed: int, start: int = 0) -> Lot:
     """Switches `start` to `start + n` of the certification ensemble `seed`, as `softclose.evaluate.draw` gives them."""
-    return draw(config, n, seed=seed, start=start, stream=STREAM)
+    return draw(config, n, seed=seed, start=start, ensemble=Ensemble.CERTIFICATE)
 
 
 def simulate_fresh(
@@ -202,13 +203,13 @@ def simulate_fresh(
     n_switches: int,
     seed: int,
     start: int = 0,
-    untrimmed: Collection[int] = (),
+    for_everybody: Collection[int] = (),
     threads: int = 1,
     listener: Step | None = None,
 ) -> list[Judged]:
     """Metrics of every waveform on the same fresh switches of the campaign's lot, `start` and on, a part at a time.
 
-    untrimmed: the waveforms that drive every switch as they are, whatever the campaign measures.
+    for_everybody: the waveforms that are tailored to no switch, whatever the campaign measures.
     """
     v = np.empty((len(waveforms), n_switches))
     closed = np.empty(v.shape, dtype=np.bool_)
@@ -219,8 +220,7 @@ def simulate_fresh(
         rows = slice(begin, min(begin + PART, n_switches))
         switches = fresh_switches(config, rows.stop - begin, seed=seed, start=start + begin)
         for i, waveform in enumerate(waveforms):
-            driven = switches[:, :N_PARAMETERS] if i in untrimmed else switches
-            response = respond(config, driven, waveform, threads=threads)
+            response = respond(config, switches, waveform, for_everybody=i in for_everybody, threads=threads)
             v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
             status[i, rows], settling[i, rows] = response.status, response.settling_us
             done += len(switches)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from softclose.device.told import switches_of
+from softclose.evaluate.chain import chain_of
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.settings import CampaignConfig
 from softclose.switch.collapse import collapse_voltage
-from softclose.switch.plate import closing_voltage
-from softclose.waveform import MIN_RISE_US
+from softclose.waveform import MIN_RISE_US, FloatArray
 
 _N = 4096
 """Switches drawn to estimate a share of the lot; a power of 2, as Sobol points like it."""
@@ -17,9 +18,9 @@ _N = 4096
 def forewarnings(config: CampaignConfig) -> list[str]:
     """One sentence for each thing that a person should know before the campaign runs."""
     if config.model.name == REDUCED_ORDER:
-        return [*_ringing(config), *_collapse(config), *_table(config)]
+        return [*_ringing(config), *_collapse(config), *_table(config), *_low_limit(config)]
     if config.model.name != SINGLE_MODE:
-        return []  # pull-in is a notion of Eqs. 1-3; another model may have none
+        return []  # another model may have no statics
     return [*_fast_edges(config.waveform.min_rise_us), *_low_limit(config)]
 
 
@@ -43,9 +44,15 @@ def _ringing(config: CampaignConfig) -> list[str]:
     ]
 
 
+def _switches(config: CampaignConfig) -> FloatArray:
+    """(n, 4) switches of the lot, as its device model has them."""
+    population = config.build_population()
+    return switches_of(population, chain_of(config).device, population.sample_parameters(_N, seed=0, sampling="sobol"))
+
+
 def _collapse(config: CampaignConfig) -> list[str]:
     limit = config.waveform.max_volts
-    switches = config.build_population().sample(_N, seed=0, sampling="sobol")
+    switches = _switches(config)
     volts = collapse_voltage(switches, config.build_reduced_order(), config.model.plate_area_um2)
     share = float((volts < limit).mean())
     if share == 0.0:
@@ -61,7 +68,7 @@ def _table(config: CampaignConfig) -> list[str]:
     modes = config.build_reduced_order()
     if modes.capacitance is None:
         return []
-    switches = config.build_population().sample(_N, seed=0, sampling="sobol")
+    switches = _switches(config)
     unit = modes.mode[0].electrode / modes.mode[0].contact
     deepest = float((unit * switches[:, 0] / switches[:, 1]).max()) * modes.capacitance.gap_um
     begins = float(modes.capacitance.slope()[0][0])
@@ -76,8 +83,7 @@ def _table(config: CampaignConfig) -> list[str]:
 
 def _low_limit(config: CampaignConfig) -> list[str]:
     limit = config.waveform.max_volts
-    switches = config.build_population().sample(_N, seed=0, sampling="sobol")
-    volts = closing_voltage(switches, config.model.plate_area_um2)
+    volts = chain_of(config).device.closing_voltage(_switches(config))
     share = float((volts > limit).mean())
     if share == 0.0:
         return []

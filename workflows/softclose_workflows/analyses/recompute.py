@@ -13,6 +13,7 @@ from softclose.evaluate import judge
 from softclose.metrics.objective import Judged
 from softclose.opening import OpeningError
 from softclose.plugins import MEASURED
+from softclose.population.lot import Lot
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Problem
@@ -65,7 +66,7 @@ def replay(path: str, k: int, seed: int = 0) -> Replay:
         every = []
     blocks = [every[int(j)] for j in sorted(rng.permutation(len(every))[:k])]
     chosen = sorted(int(w) for w in rng.permutation(len(waves))[:k])
-    switches = campaign.lot()
+    switches = Lot(campaign.population())
     differing = [problem for block in blocks for problem in _compare_block(campaign, config, stored, switches, *block)]
     proposer, history = Proposer(problem), records.observations(stored)
     for w in chosen:
@@ -81,7 +82,7 @@ def _compare_block(
     campaign: StoredCampaign,
     config: CampaignConfig,
     stored: Mapping[str, NDArray[Any]],
-    switches: NDArray[np.float64],
+    switches: Lot,
     stage: str,
     row: int,
     column: int,
@@ -102,7 +103,7 @@ def _compare_block(
 def _block_arrays(
     config: CampaignConfig,
     layout: Layout,
-    switches: NDArray[np.float64],
+    switches: Lot,
     stored: Mapping[str, NDArray[Any]],
     stage: str,
     row: int,
@@ -114,7 +115,7 @@ def _block_arrays(
     indices = range(first + candidates.start, first + candidates.stop)
     waveforms = tuple(rows_of(Waveform.from_rows(stored["waveform"][i])) for i in indices)
     stop = min(rows.stop, int(stored["n_switches"][indices[0]]))
-    return compute_block(config, switches[rows.start : stop], waveforms)[0]
+    return compute_block(config, switches.rows(slice(rows.start, stop)), waveforms)[0]
 
 
 def _rows_of(waveform: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -161,7 +162,7 @@ def _block(store: DriverStore, stage: str, row: int, column: int) -> dict[str, N
             f"block ({row}, {column}) of stage {stage} in {store.path} was measured: nothing computes it again; "
             "restore it from a copy"
         )
-    return _block_arrays(config, store.layout, store.lot, store.records(), stage, row, column)
+    return _block_arrays(config, store.layout, Lot(store.population), store.records(), stage, row, column)
 
 
 def _record(store: DriverStore, i: int) -> dict[str, Any]:

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from softclose.device.protocol import ModelError
-from softclose.evaluate import N_PARAMETERS, respond
+from softclose.evaluate import respond
+from softclose.evaluate.chain import chain_of
+from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 
 if TYPE_CHECKING:
     from softclose.device.simulate import Responses
@@ -30,7 +33,8 @@ class References:
 
 def reference_designs(config: CampaignConfig) -> References:
     """The unshaped step, at `reference.step_volts`, and the deterministic design where the limits allow one: as fast
-    as `waveform.min_rise_us` lets it rise."""
+    as `waveform.min_rise_us` lets it rise. It is designed in the campaign's device model, its amplifier aside; a model
+    of somebody else's may be costly, and gets that of an ideal plate."""
     from softclose.baselines import BaselineError, deterministic_design, unshaped
 
     designs, missing = {UNSHAPED: unshaped(config.reference.step_volts)}, {}
@@ -41,6 +45,7 @@ def reference_designs(config: CampaignConfig) -> References:
             plate_area_um2=config.model.plate_area_um2,
             horizon_us=config.model.horizon_us,
             rise_us=config.waveform.min_rise_us,
+            device=chain_of(config).device if config.model.name in (SINGLE_MODE, REDUCED_ORDER) else None,
         )
     except BaselineError as e:
         missing[DETERMINISTIC] = str(e)
@@ -57,15 +62,14 @@ class SimulatedReferences:
     """Those that there is nothing to show of, and why."""
 
 
-def simulate_references(config: CampaignConfig, switches: FloatArray) -> SimulatedReferences:
-    """What switches do under the reference designs; without the campaign's device model all are missing.
+def simulate_references(config: CampaignConfig, lot: Lot) -> SimulatedReferences:
+    """What a lot does under the reference designs; without the campaign's device model all are missing.
 
-    Reference designs are what a lot is driven with today: nothing is scaled for a switch.
+    Reference designs are what a lot is driven with today: nothing is tailored to a switch.
     """
-    switches = switches[:, :N_PARAMETERS]
     references = reference_designs(config)
     try:
-        responses = {name: (u, respond(config, switches, u)) for name, u in references.designs.items()}
+        responses = {name: (u, respond(config, lot, u, for_everybody=True)) for name, u in references.designs.items()}
     except ModelError as e:
         return SimulatedReferences(responses={}, missing=dict.fromkeys(references.designs, str(e)) | references.missing)
     return SimulatedReferences(responses=responses, missing=references.missing)

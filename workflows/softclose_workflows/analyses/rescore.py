@@ -77,10 +77,7 @@ class Rescored:
 
 
 def judged(response: Events, score: Score) -> Judged:
-    """The response as the score sees it: which speed counts, and what closed means. Raises RescoreError."""
-    closed = np.asarray(response.closed, dtype=np.bool_)
-    if score.closed_by_us is not None:
-        closed = np.asarray(response.settling_us) <= score.closed_by_us
+    """The response as the score sees it: which speed counts. Raises RescoreError."""
     speed = np.asarray(response.max_contact_speed)
     if score.impacts not in ("all", "first"):
         raise RescoreError(f"impacts is {score.impacts!r}; it must be all or first")
@@ -88,7 +85,7 @@ def judged(response: Events, score: Score) -> Judged:
         speed = _counted(response, score)
     return Judged(
         max_contact_speed=speed,
-        closed=closed,
+        closed=np.asarray(response.closed, dtype=np.bool_),
         status=np.asarray(response.status),
         settling_us=np.asarray(response.settling_us),
     )
@@ -117,7 +114,10 @@ def _counted(response: Events, score: Score) -> FloatArray:
 
 def rescored_config(config: CampaignConfig, score: Score) -> CampaignConfig:
     """The campaign's configuration with the score's objective; raises ConfigError for a bad one."""
-    return config.revised(f"objective.{setting}" for setting in score.objective)
+    settings = [f"objective.{setting}" for setting in score.objective]
+    if score.closed_by_us is not None:
+        settings.append(f"objective.closed_by_us={score.closed_by_us}")
+    return config.revised(settings)
 
 
 def _check_instants(score: Score, horizon_us: float) -> None:
@@ -135,8 +135,9 @@ def rescore(path: str, score: Score) -> list[Rescored]:
     Ensembles of different sizes rank together here, as they were run: `n_switches` says which is which.
     """
     campaign = open_campaign(path)
-    config = rescored_config(CampaignConfig.from_dict(campaign.config), score)
-    _check_instants(score, config.model.horizon_us)
+    own = CampaignConfig.from_dict(campaign.config)
+    _check_instants(score, own.model.horizon_us)
+    config = rescored_config(own, score)
     table = campaign.records()
     usable = [int(i) for i in np.flatnonzero(~table["failed"] & np.isfinite(table["g_cm_s"]))]
     assessments = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from softclose.evaluate import judge
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
 from softclose_workflows.analyses.opening import opening_words
@@ -26,7 +27,7 @@ def print_result(path: str) -> None:
     if best is None:
         standing = read_standing(path)
         raise Stopped(f"none of its {standing.committed} candidates could be assessed; first reason: {standing.reason}")
-    switches = campaign.lot()[: best.n_switches]
+    switches = Lot(campaign.population()).rows(slice(best.n_switches))
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
     kind = (
         interval_kinds(config.objective.confidence, best.n_switches).removesuffix(".")

@@ -59,7 +59,7 @@ def check_delivered(
         return
     ideal = replace(config, amplifier=type(config.amplifier)())
     drives: list[Drive] = [drive, trace.simplified(LINES_V)]
-    found = simulate_fresh(ideal, drives, n_switches=N_SWITCHES, seed=config.campaign.seed, untrimmed=(0, 1))
+    found = simulate_fresh(ideal, drives, n_switches=N_SWITCHES, seed=config.campaign.seed, for_everybody=(0, 1))
     designed, delivered = (judge(ideal, response, fresh=True) for response in found)
     moved = abs(delivered.v_u_cm_s - designed.v_u_cm_s)
     opened = abs(delivered.p_nc - designed.p_nc)

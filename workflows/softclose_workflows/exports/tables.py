@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softclose_store import Campaign
-from softclose_store.schema.fields import IMPACT_QUANTITIES, POPULATION, QUANTITIES, RECORDED
+from softclose_store.schema.fields import IMPACT_QUANTITIES, QUANTITIES, RECORDED
 from softclose_workflows.errors import ExportError
 from softclose_workflows.tell.outputs import whole_file
 from softclose_workflows.terminal import visible
@@ -54,9 +54,10 @@ def ensemble_dataset(campaign: Campaign, candidate: int, *, trajectories: bool =
     responses = campaign.responses(candidate)
     n = responses.closed.size
     fields = {"first_contact": "first_contact_us", "settling": "settling_us"}
+    population = campaign.population()
     variables: dict[str, Any] = {
-        name: ("switch", values[:n], {"units": POPULATION[name][1], "long_name": POPULATION[name][0]})
-        for name, values in campaign.population().items()
+        c.name: ("switch", population[c.name][:n], {"units": c.unit, "long_name": c.long_name})
+        for c in campaign.layout.columns
     }
     for quantity in QUANTITIES:
         values = np.asarray(getattr(responses, fields.get(quantity.name, quantity.name)))

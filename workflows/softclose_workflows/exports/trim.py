@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from softclose.conditions.learning import actuate
-from softclose.conditions.trim import Trim
-from softclose.device.scaled import Scales, scaled
-from softclose.evaluate import learn, limited_scales, touch_of
+from softclose.conditions.learning import TailoredByLearning
+from softclose.conditions.trim import Trim, given_scales
+from softclose.conditions.trim import trim_of as of_section
+from softclose.device.drives import scaled
+from softclose.device.scaled import Scales
+from softclose.evaluate import draw
+from softclose.evaluate.chain import chain_of
 from softclose.population.measurements import read_devices
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
@@ -25,19 +28,31 @@ COLUMNS = ("pull_in_V", "resonance_kHz")
 TOLD = ("threshold_V", "contact_time_us")
 """What the actuations of a switch tell, where contact times are all that is known."""
 
+_N_USUAL = 4096
+"""Switches whose measured values say what is usual."""
+
 _SPAN = 4.0
 """The table reaches so many standard deviations of the lot to both sides."""
 
 
 def trim_of(config: CampaignConfig) -> Trim:
     """The campaign's trim. Raises ExportError where it has none."""
-    trim = config.build_trim()
-    if trim is None:
+    if config.trim.measured == "nothing":
         raise ExportError(
             "this campaign drives every switch alike (trim.measured is nothing): there is nothing to scale; "
             "run one with [trim], such as the preset current-trim"
         )
-    return trim
+    return of_section(config.trim, chain_of(config).around)
+
+
+def _learner(config: CampaignConfig) -> TailoredByLearning:
+    """What the campaign learns from contact times."""
+    return next(c for c in chain_of(config).conditions if isinstance(c, TailoredByLearning))
+
+
+def _given(config: CampaignConfig, asked: Scales, waveform: Waveform) -> Scales:
+    """What of the scales asked for is given under a waveform."""
+    return given_scales(config.trim, chain_of(config).around, asked, waveform)
 
 
 def used_columns(trim: Trim) -> tuple[str, ...]:
@@ -65,8 +80,10 @@ def drive_of(
                 f"{trim.measured}: give {' and '.join(options[n] for n in needed)}"
             )
     measured = np.array([[np.nan if v is None else v for v in given.values()]])
-    scales = limited_scales(config, trim.scales(measured), waveform)
-    return scaled(waveform, float(scales.voltage[0]), float(scales.time[0])), scales
+    scales = _given(config, trim.scales(measured), waveform)
+    drive = scaled(waveform, float(scales.voltage[0]), float(scales.time[0]))
+    assert isinstance(drive, Waveform)
+    return drive, scales
 
 
 def device_table(
@@ -84,11 +101,11 @@ def grid_table(config: CampaignConfig, waveform: Waveform, rows: int) -> str:
     if trim.bins:
         axes = [trim.bins_of(column)[1] for column in trim.columns]
     else:
-        switches = trim.population.sample(4096, seed=0, sampling="sobol")
+        lot = draw(config, _N_USUAL, seed=0, sampling="sobol")
         if trim.measured == "contact times":
-            usual = actuate(touch_of(config), switches, learn(config).protocol, seed=0)
+            usual = np.column_stack([lot["threshold"], lot["contact_time"]])
         else:
-            usual = trim.true(switches)[:, trim.columns]
+            usual = trim.true(lot.switches)[:, trim.columns]
         middle, reach = usual.mean(axis=0), _SPAN * usual.std(axis=0)
         low = np.maximum(middle - reach, 0.5 * usual.min(axis=0))
         axes = [np.linspace(a, b, rows) for a, b in zip(low, middle + reach, strict=True)]
@@ -97,7 +114,7 @@ def grid_table(config: CampaignConfig, waveform: Waveform, rows: int) -> str:
 
 def _csv(config: CampaignConfig, waveform: Waveform, values: FloatArray, devices: tuple[str, ...] | None) -> str:
     asked = trim_of(config).scales(_measured(config, values))
-    given = limited_scales(config, asked, waveform)
+    given = _given(config, asked, waveform)
     limited = (given.voltage != asked.voltage) | (given.time != asked.time)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -113,7 +130,7 @@ def _measured(config: CampaignConfig, values: FloatArray) -> FloatArray:
     """(n, 2) pull-in voltage and resonance of what was measured, NaN where it was not."""
     trim = trim_of(config)
     if trim.measured == "contact times":
-        return learn(config).estimate(values)
+        return _learner(config).learned.estimate(values)
     found = np.full((len(values), len(COLUMNS)), np.nan)
     found[:, trim.columns] = values
     return found

@@ -126,7 +126,7 @@ def _response(folder: Path, row: Row) -> Path:
     axes[0, 0].plot(t, waveform.voltage(t), color=OURS)
     axes[0, 0].set_ylabel("u [V]")
     for axis, values, label in (
-        (axes[0, 1], r.x - switches[:, :1], "x − D [µm]"),
+        (axes[0, 1], r.x - switches["D"][:, None], "x − D [µm]"),
         (axes[1, 1], r.v * CM_S, "x' [cm/s]"),
     ):
         axis.plot(t, values.T, color=EACH, lw=0.4, alpha=0.35)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from softclose.metrics.objective import CM_S, Judged
+from softclose.metrics.objective import Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
 from softclose_workflows.report.data import Design, ReportData
@@ -73,13 +73,8 @@ def _on_fresh(entry: Entry, n: int, seed: int) -> Entry:
     check_fresh(n, 1)
     config = entry.data.config
     (response,) = simulate_fresh(config, [entry.design.waveform], n_switches=n, seed=seed, threads=n_cores())
-    design = replace(
-        entry.design,
-        speed_cm_s=response.max_contact_speed * CM_S,
-        closed=response.closed,
-        assessment=assess_fresh(response, config),
-        traces=None,
-    )
+    old = entry.design
+    design = Design.of(response, assess_fresh(response, config), name=old.name, role=old.role, waveform=old.waveform)
     return replace(entry, design=design, fresh=response)
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from softclose.conditions.temperature import TemperatureSection, heated
 from softclose.device.protocol import ModelError
-from softclose.evaluate import N_PARAMETERS, draw, judge, respond
-from softclose.metrics.objective import CM_S, Assessment
+from softclose.evaluate import draw, judge, respond
+from softclose.metrics.objective import Assessment
 from softclose.plugins import REDUCED_ORDER
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray
 from softclose_workflows.report.data import Design, OverTemperature, Plainer
 
 N_TEMPERATURES = 9
@@ -34,8 +34,10 @@ def over_temperature(config: CampaignConfig, designs: Sequence[Design]) -> OverT
     celsius = np.linspace(tables.low_C, tables.high_C, N_TEMPERATURES)
 
     def at_each(design: Design) -> tuple[Assessment, ...]:
-        driven = lot if design.role == "best" else lot[:, :N_PARAMETERS]  # reference designs are scaled for nobody
-        return tuple(judge(still, respond(still, heated(tables, driven, c), design.waveform)) for c in celsius)
+        plain = design.role != "best"  # reference designs are tailored to nobody
+        return tuple(
+            judge(still, respond(still, heated(tables, lot, c), design.waveform, for_everybody=plain)) for c in celsius
+        )
 
     try:
         assessments = tuple(at_each(design) for design in designs)
@@ -46,10 +48,10 @@ def over_temperature(config: CampaignConfig, designs: Sequence[Design]) -> OverT
     )
 
 
-def plainer(config: CampaignConfig, best: Design, switches: FloatArray) -> Plainer | None:
+def plainer(config: CampaignConfig, best: Design, lot: Lot) -> Plainer | None:
     """The best candidate beside the same switches without their further modes, or else without their losses.
 
-    None where they have neither. switches: the training ensemble, of which the candidate used the first.
+    None where they have neither. lot: the training ensemble, of which the candidate used the first.
     """
     modes = config.build_reduced_order() if config.model.name == REDUCED_ORDER else None
     kind: Literal["modes", "losses"]
@@ -64,16 +66,9 @@ def plainer(config: CampaignConfig, best: Design, switches: FloatArray) -> Plain
     else:
         return None
     n = min(MOST_SWITCHES, len(best.speed_cm_s))
-    found, without = (respond(c, switches[:n], best.waveform) for c in (config, simple))
+    found, without = (respond(c, lot.rows(slice(n)), best.waveform) for c in (config, simple))
     own, other = (
-        Design(
-            name=called,
-            role=role,
-            waveform=best.waveform,
-            speed_cm_s=r.max_contact_speed * CM_S,
-            closed=r.closed,
-            assessment=judge(config, r),
-        )
+        Design.of(r, judge(config, r), name=called, role=role, waveform=best.waveform)
         for called, role, r in (
             ("all modes" if kind == "modes" else "as simulated", "best", found),
             (name, "unshaped", without),

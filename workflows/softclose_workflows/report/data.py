@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.metrics.objective import CM_S, Assessment
+from softclose.metrics.objective import CM_S, Assessment, Response, in_time
 from softclose.opening import Openings
 from softclose.propose.dependence import Dependence
 from softclose.settings import CampaignConfig
@@ -60,9 +60,19 @@ class Design:
     speed_cm_s: FloatArray
     """(n,) V of every switch [cm/s]; NaN where it never touched."""
     closed: NDArray[np.bool_]
-    """(n,) held in contact at the horizon."""
+    """(n,) which count as closed."""
     assessment: Assessment
     traces: Traces | None = None
+
+    @classmethod
+    def of(cls, response: Response, assessment: Assessment, **about: Any) -> Design:
+        """What switches did, and how that was judged. about: name, role, waveform, and traces where there are any."""
+        return cls(
+            speed_cm_s=np.asarray(response.max_contact_speed) * CM_S,
+            closed=in_time(response, assessment.closed_by_us),
+            assessment=assessment,
+            **about,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -210,13 +220,12 @@ class ReportData:
             return self.designs
         best = c.best if self.best is None else next((d for d in c.candidates if d.candidate == self.best), c.best)
         return tuple(
-            Design(
+            Design.of(
+                d.response,
+                d.assessment,
                 name=BEST if d is best else reference_name(d.name, d.waveform),
                 role="best" if d is best else d.name,
                 waveform=d.waveform,
-                closed=d.response.closed,
-                speed_cm_s=d.response.max_contact_speed * CM_S,
-                assessment=d.assessment,
             )
             for d in (best, *reversed(c.references))
         )

@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.device.protocol import ModelError
-from softclose.evaluate import N_PARAMETERS, drive_scales, judge, respond
+from softclose.evaluate import judge, respond
+from softclose.evaluate.chain import chain_of
+from softclose.evaluate.respond import drives_of
 from softclose.metrics.objective import CM_S
 from softclose.opening import Openings
+from softclose.population.lot import Lot
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
 from softclose.settings import CampaignConfig
@@ -84,13 +87,13 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         parameters={
             name: column
             for name in labels.PARAMETERS
-            if np.isfinite(column := np.asarray(campaign.population()[name])).all()  # E and T are of a plate
+            if (column := campaign.population().get(name)) is not None  # E and T are of a plate
         },
         designs=designs,
         missing_references=missing,
         trim=_trim(campaign, config, designs[0]) if index is not None else None,
         temperature=over_temperature(config, designs),
-        plainer=None if index is None else plainer(config, designs[0], campaign.lot()),
+        plainer=None if index is None else plainer(config, designs[0], Lot(campaign.population())),
         openings=_openings(path, index, certification),
         front=front_of(history, config),
         edges_cm_s=edges,
@@ -188,55 +191,45 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
     responses = campaign.responses(best)
     n = len(responses.max_contact_speed)
     designs = [
-        Design(
+        Design.of(
+            responses,
+            judge(config, responses),
             name=BEST,
             role="best",
             waveform=Waveform.from_rows(campaign.waveform(best)),
-            speed_cm_s=responses.max_contact_speed * CM_S,
-            closed=responses.closed,
-            assessment=judge(config, responses),
             traces=_traces(
                 campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES], _step(config.store.n_times, 250)
             ),
         )
     ]
-    switches = campaign.lot()[:n]
-    references = simulate_references(config, switches)
+    references = simulate_references(config, Lot(campaign.population()).rows(slice(n)))
     for name, (waveform, r) in reversed(references.responses.items()):
         designs.append(
-            Design(
-                name=reference_name(name, waveform),
-                role=name,
-                waveform=waveform,
-                speed_cm_s=r.max_contact_speed * CM_S,
-                closed=r.closed,
-                assessment=judge(config, r),
-            )
+            Design.of(r, judge(config, r), name=reference_name(name, waveform), role=name, waveform=waveform)
         )
     return tuple(designs), references.missing
 
 
 def _trim(campaign: Campaign, config: CampaignConfig, best: Design) -> TrimShown | None:
     """What scaling the best candidate's drives brings; None where nothing is scaled or the device model is missing."""
-    if config.build_trim() is None:
+    chain = chain_of(config)
+    if not any(condition.tailored for condition in chain.conditions):
         return None
-    lot = campaign.lot()[: len(best.speed_cm_s)]
+    lot = Lot(campaign.population()).rows(slice(len(best.speed_cm_s)))
     try:
-        plain = respond(config, lot[:, :N_PARAMETERS], best.waveform)
+        plain = respond(config, lot, best.waveform, for_everybody=True)
     except ModelError:
         return None
-    scales = drive_scales(config, lot, best.waveform)
+    drives = drives_of(chain, lot, best.waveform)
+    clock = lot.get("clock", 1.0)
+    voltage = np.ones(len(lot)) if drives.volts is None else drives.volts
+    time = np.ones(len(lot)) if drives.times is None else drives.times / clock
     return TrimShown(
-        voltage=scales.voltage,
-        time=scales.time,
-        n_limited=int(((scales.voltage != lot[:, 4]) | (scales.time != lot[:, 5])).sum()),
-        untrimmed=Design(
-            name="the same drive for all",
-            role="unshaped",
-            waveform=best.waveform,
-            speed_cm_s=plain.max_contact_speed * CM_S,
-            closed=plain.closed,
-            assessment=judge(config, plain),
+        voltage=voltage,
+        time=time,
+        n_limited=int((~np.isclose(voltage, lot["voltage_scale"]) | ~np.isclose(time, lot["time_scale"])).sum()),
+        untrimmed=Design.of(
+            plain, judge(config, plain), name="the same drive for all", role="unshaped", waveform=best.waveform
         ),
     )
 

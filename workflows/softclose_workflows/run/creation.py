@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from softclose import ALGORITHM
-from softclose.conditions.trim import N_SCALES
-from softclose.evaluate import N_PARAMETERS, draw
+from softclose.evaluate import draw
+from softclose.population.lot import COLUMNS, Lot
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray
 from softclose.waveform.spaces import SPACES
-from softclose_store import Layout, StoreError, create_campaign
+from softclose_store import Layout, PopulationColumn, StoreError, create_campaign
 from softclose_workflows.run.blocks import stage_layouts
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import times_us
@@ -39,27 +37,21 @@ def create_store(config: CampaignConfig, path: str) -> None:
         raise StoreError(f"no store can be created at {path}: {e.strerror or e}; give a writable path") from e
 
 
-def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
-    """The campaign's whole ensemble: columns D, G, E, T, K, M and the scales of the drives, (n_switches_max,) each.
+def lot_of(config: CampaignConfig) -> Lot:
+    """The campaign's whole ensemble, with everything that its conditions add to it."""
+    return draw(config, config.n_switches_max, seed=config.campaign.seed, sampling=config.population.sampling)
 
-    E and T are NaN where K and M follow from something else.
-    """
-    n, seed, sampling = config.n_switches_max, config.campaign.seed, config.population.sampling
-    population = config.build_population()
-    parameters = population.sample_parameters(n, seed=seed, sampling=sampling)
-    plate = parameters[:, 2:] if population.law.variables == ("E", "T") else np.full((n, 2), np.nan)
-    lot = draw(config, n, seed=seed, sampling=sampling)
-    scales = lot[:, N_PARAMETERS:] if lot.shape[1] > N_PARAMETERS else np.ones((n, N_SCALES))
-    return {
-        "D": lot[:, 0],
-        "G": lot[:, 1],
-        "E": plate[:, 0],
-        "T": plate[:, 1],
-        "K": lot[:, 2],
-        "M": lot[:, 3],
-        "voltage_scale": scales[:, 0],
-        "time_scale": scales[:, 1],
-    }
+
+def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
+    """The columns of the campaign's ensemble as they are stored, (n_switches_max,) each."""
+    lot = lot_of(config)
+    return {name: lot[name] for name in lot}
+
+
+def column_names(config: CampaignConfig) -> tuple[PopulationColumn, ...]:
+    """What the columns of the campaign's ensemble are."""
+    few = draw(config, 2, seed=config.campaign.seed)
+    return tuple(PopulationColumn(name, COLUMNS[name].unit, COLUMNS[name].long_name) for name in few)
 
 
 def layout_of(config: CampaignConfig) -> Layout:
@@ -72,4 +64,5 @@ def layout_of(config: CampaignConfig) -> Layout:
         max_impacts=config.store.max_impacts,
         n_pulses=longest,
         limits_cm_s=config.objective.limits_cm_s,
+        columns=column_names(config),
     )

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.evaluate import N_PARAMETERS
 from softclose.opening import (
     Opening,
     OpeningError,
@@ -23,6 +22,7 @@ from softclose.opening import (
     judge_opening,
     opened,
 )
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import (
@@ -101,7 +101,7 @@ def read_opening(path: str, candidate: int) -> Openings | None:
 
 
 def _design(campaign: Campaign, config: CampaignConfig, candidate: int, threads: int) -> Openings:
-    settings, switches = config.opening, campaign.lot()[: config.opening.n_switches, :N_PARAMETERS]
+    settings, switches = config.opening, Lot(campaign.population()).rows(slice(config.opening.n_switches))
     at = settings.release_us
     drive = opened(Waveform.from_rows(campaign.waveform(candidate)), at)
     plain = judge_opening(config, switches, drive, at_us=at, threads=threads)

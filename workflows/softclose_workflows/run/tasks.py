@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.device.protocol import is_own_word
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_store import IMPACT_QUANTITIES, QUANTITIES
@@ -94,9 +95,9 @@ def times_us(config: CampaignConfig) -> FloatArray:
 
 
 def compute_block(
-    config: CampaignConfig, switches: FloatArray, waveforms: tuple[Rows, ...]
+    config: CampaignConfig, lot: Lot, waveforms: tuple[Rows, ...]
 ) -> tuple[dict[str, NDArray[Any]], dict[int, str]]:
-    """Simulate switches (s, 4) under each waveform. Returns the arrays of the store's schema, and what failed.
+    """Simulate a lot of s switches under each waveform. Returns the arrays of the store's schema, and what failed.
 
     A candidate fails where the device model says so: it would fail anywhere. Whatever else is raised is the machine's
     fault and goes on to the caller.
@@ -110,7 +111,7 @@ def compute_block(
         try:
             r = respond(
                 config,
-                switches,
+                lot,
                 Waveform.from_rows(rows),
                 max_volts=config.waveform.max_volts,
                 max_impacts=n_impacts,
@@ -121,7 +122,7 @@ def compute_block(
             if not is_own_word(e):
                 raise
             failures[i] = f"{type(e).__name__}: {e}"
-            found.append(_nothing(len(switches), n_impacts, len(times)))
+            found.append(_nothing(len(lot), n_impacts, len(times)))
             continue
         known: dict[str, NDArray[Any]] = {
             "max_contact_speed": r.max_contact_speed,
@@ -134,7 +135,7 @@ def compute_block(
             "status": r.status,
         }
         response = np.stack([known[quantity] for quantity in PLACE], axis=-1, dtype=np.float64)
-        impact = np.empty((len(switches), n_impacts, len(IMPACT_QUANTITIES)))
+        impact = np.empty((len(lot), n_impacts, len(IMPACT_QUANTITIES)))
         impact[..., 0], impact[..., 1] = r.impact_time_us, r.impact_speed
         x, v = (np.asarray(sampled, dtype=np.float32) for sampled in (r.x, r.v))
         found.append((response, x, v, impact))
@@ -159,9 +160,9 @@ def run_block(task: BlockTask) -> BlockResult:
     """Compute one block and write it to the store, its marker last."""
     from softclose_store import write_block
 
-    config, switches = campaign_of(task.store, task.fingerprint)
+    config, lot = campaign_of(task.store, task.fingerprint)
     began = time.perf_counter()
-    arrays, failures = compute_block(config, switches[task.start : task.stop], task.waveforms)
+    arrays, failures = compute_block(config, lot.rows(slice(task.start, task.stop)), task.waveforms)
     simulated = time.perf_counter()
     marker = write_block(task.store, task.stage, task.row, task.column, arrays, task.proposals_digest)
     response = arrays["response"]
@@ -178,12 +179,11 @@ def run_block(task: BlockTask) -> BlockResult:
 
 
 @lru_cache(maxsize=2)
-def campaign_of(store: str, fingerprint: str) -> tuple[CampaignConfig, FloatArray]:
-    """Configuration and (n_switches, 4) D, G, K, M as stored; one read per process and campaign."""
-    from softclose_store import StoreError, open_campaign, read_switches
+def campaign_of(store: str, fingerprint: str) -> tuple[CampaignConfig, Lot]:
+    """Configuration and ensemble as stored; one read per process and campaign."""
+    from softclose_store import StoreError, open_campaign
 
     campaign = open_campaign(store)
     if campaign.fingerprint != fingerprint:
         raise StoreError(f"{store} holds campaign {campaign.fingerprint[:12]} here, not {fingerprint[:12]}")
-    switches: FloatArray = read_switches(store)
-    return CampaignConfig.from_dict(campaign.config), switches
+    return CampaignConfig.from_dict(campaign.config), Lot(campaign.population())

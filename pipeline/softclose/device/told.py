@@ -1,0 +1,64 @@
+"""Owns switches that a lot tells by their pull-in voltage: in a device model that voltage is the model's own.
+
+Eq. 3 is of an ideal plate. Where electrode and contact move differently, or the capacitance is a table, a switch of the
+stiffness that Eq. 3 gives pulls in elsewhere than it was told to. The voltage grows with the root of the stiffness.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softclose.device.device import Device
+from softclose.population import Population, PopulationError
+
+FloatArray = NDArray[np.float64]
+
+_N_MEAN = 4096
+"""Switches whose mean stands for the mean switch where no formula does."""
+
+
+def switches_of(population: Population, device: Device, parameters: FloatArray) -> FloatArray:
+    """Switches of given parameters, in a device model.
+
+    Parameters
+    ----------
+    population : Population
+        What the parameters are.
+    device : Device
+        What the switches are simulated by.
+    parameters : (n, 4) ndarray of float64
+        Columns as `population.variables`.
+
+    Returns
+    -------
+    (n, 4) ndarray of float64
+        Columns D, G [µm], K [N/m], M [µg].
+
+    Raises
+    ------
+    PopulationError
+        Where no stiffness makes a switch of this model close at the voltage that it was told to.
+    """
+    switches = population.switches(parameters)
+    if "U_pi" not in population.variables or device.modes is None:
+        return switches
+    told = parameters[:, population.variables.index("U_pi")]
+    found = device.closing_voltage(switches)
+    if not (np.isfinite(found) & (found > 0.0)).all():
+        raise PopulationError(
+            f"population {population.name!r} tells pull-in voltages, and the electrode of the model {device.name} does "
+            "not pull its contact: check the participations of its modes"
+        )
+    stiffer = (told / found) ** 2  # at the same resonance the mass grows as the stiffness does
+    switches[:, 2:] *= stiffer[:, None]
+    return switches
+
+
+def mean_switch(population: Population, device: Device) -> FloatArray:
+    """The deterministic switch of a lot in a device model: (4,) E[D], E[G] [µm], E[K] [N/m], E[M] [µg]."""
+    mean = np.asarray(population.mean_switch, dtype=np.float64)
+    if "U_pi" in population.variables and device.modes is not None:
+        drawn = population.sample_parameters(_N_MEAN, seed=0, sampling="sobol")
+        mean[2:] = switches_of(population, device, drawn)[:, 2:].mean(axis=0)
+    return mean

@@ -1,0 +1,83 @@
+"""Owns the chain of a campaign: its device and its conditions, built from the configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from softclose.conditions.amplifier import Amplifier
+from softclose.conditions.learning import TailoredByLearning
+from softclose.conditions.protocol import Condition, Surroundings
+from softclose.conditions.temperature import Temperature
+from softclose.conditions.trim import Tailored
+from softclose.device.device import Device
+from softclose.plugins import REDUCED_ORDER
+from softclose.settings import CampaignConfig
+
+CONDITIONS: tuple[type[Condition], ...] = (Tailored, TailoredByLearning, Amplifier, Temperature)
+"""Every condition, in the order of the signal's way: what is measured is measured before what changes a switch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """What a lot is drawn and simulated with."""
+
+    around: Surroundings
+    """The lot as it is believed to be, the device, the drive's limits."""
+    conditions: tuple[Condition, ...]
+    """Those that the campaign has."""
+
+    @property
+    def device(self) -> Device:
+        """What simulates."""
+        return self.around.device
+
+
+def chain_of(config: CampaignConfig) -> Chain:
+    """The chain of a configuration; the same object for the same configuration."""
+    return _chain(_Same(config))
+
+
+def device_of(config: CampaignConfig) -> Device:
+    """The device model of a campaign, with its settings."""
+    model, compute = config.model, config.compute
+    return Device(
+        name=model.name,
+        horizon_us=model.horizon_us,
+        restitution=model.restitution,
+        plate_area_um2=model.plate_area_um2,
+        rtol=compute.rtol,
+        method=compute.method,
+        losses=model.build_losses(),
+        modes=config.build_reduced_order() if model.name == REDUCED_ORDER else None,
+    )
+
+
+class _Same:
+    """A configuration, equal to itself alone: it is never changed, and comparing all of it would cost a simulation."""
+
+    __slots__ = ("config",)
+
+    def __init__(self, config: CampaignConfig) -> None:
+        self.config = config
+
+    def __hash__(self) -> int:
+        return id(self.config)
+
+    def __eq__(self, other: Any) -> bool:
+        return isinstance(other, _Same) and other.config is self.config
+
+
+@lru_cache(maxsize=16)
+def _chain(same: _Same) -> Chain:
+    config = same.config
+    around = Surroundings(
+        population=config.build_population(),
+        device=device_of(config),
+        max_volts=config.waveform.max_volts,
+        min_rise_us=config.waveform.min_rise_us,
+        delivery=Amplifier(config.amplifier),
+    )
+    built = (kind.of(getattr(config, kind.section), around) for kind in CONDITIONS)
+    return Chain(around=around, conditions=tuple(condition for condition in built if condition is not None))

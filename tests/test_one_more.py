@@ -1,0 +1,118 @@
+"""What one more of a kind costs: each is added once, here, and every analysis knows it (docs/explanation/rooms.md)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+from conditions_of_campaigns import DRIVE
+from softclose import Pulse, Waveform, plugins, simulate
+from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
+from softclose.conditions.streams import Stream
+from softclose.device.drives import Drives, product
+from softclose.evaluate import chain, coordinates, draw, evaluate, respond
+from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, quantity
+from softclose.population.lot import COLUMNS, Column, Lot
+from softclose.settings import load_config
+from softclose.uncertainty.sensitivity import sensitivity
+from softclose.uncertainty.tails import tail
+
+CONFIG = load_config({})
+
+
+@dataclass(frozen=True, slots=True)
+class Ageing(Condition):
+    """A condition that nobody has: springs that have lost some stiffness, and drives that were turned down for it."""
+
+    section: ClassVar[str] = "campaign"
+    around: Surroundings
+
+    @classmethod
+    def of(cls, settings: Any, around: Surroundings) -> Self:
+        return cls(around)
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
+        return (Coordinate(name="age", stream=Stream.TIMING, parts=("age",)),)
+
+    def lot(self, lot: Lot, u: Uniforms) -> Lot:
+        loss = 0.1 * np.abs(ndtri(np.clip(u["age"][:, 0], 1e-9, 1 - 1e-9)))
+        return lot.with_columns(K=lot["K"] * (1.0 - np.minimum(loss, 0.5)), age=loss)
+
+    def drives(self, drives: Drives, lot: Lot) -> Drives:
+        return replace(drives, volts=product(drives.volts, 1.0 - 0.1 * lot["age"]))
+
+
+@pytest.fixture
+def aged(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(COLUMNS, "age", Column("age", "1", "stiffness that a spring has lost"))
+    monkeypatch.setattr(chain, "CONDITIONS", (*chain.CONDITIONS, Ageing))
+    chain._chain.cache_clear()
+    yield
+    chain._chain.cache_clear()
+
+
+@pytest.mark.usefixtures("aged")
+def test_one_more_condition_is_known_to_every_analysis_that_draws_or_simulates() -> None:
+    """A file of its own, its column, its place in the chain (and its section of the configuration)."""
+    config = replace(CONFIG)
+    lot = draw(config, 200, seed=1)
+    plain = CONFIG.build_population().sample(200, seed=1)
+    assert (lot["K"] < plain[:, 2]).all()
+    found = respond(config, lot, DRIVE)
+    i = 7
+    turned_down = Waveform([replace(p, volts=p.volts * (1.0 - 0.1 * lot["age"][i])) for p in DRIVE.pulses])
+    alone = simulate(lot.switches[i : i + 1], turned_down)
+    assert found.max_contact_speed[i] == pytest.approx(alone.max_contact_speed[0], rel=1e-5)
+    assert [part for c in coordinates(config) for part in c.parts] == ["D", "G", "E", "T", "age"]
+    shares = sensitivity(config.build_population(), DRIVE, n=32, n_replicates=2, config=config)
+    assert [x.variable for x in shares.indices][4] == "age"
+    (rare,) = tail(config, DRIVE, "fast", limit_cm_s=20.0, methods=["brute"], n_switches=500)
+    aged_lot = draw(config, 500, seed=0, ensemble=2)
+    fast = np.nan_to_num(respond(config, aged_lot, DRIVE).max_contact_speed) > 0.2
+    assert rare.probability == fast.mean()
+
+
+def test_one_more_drive_error_is_a_column_that_a_condition_reads() -> None:
+    """Errors of gain and clock come with the lot: an analysis that brings its own needs no other way."""
+    lot = draw(CONFIG, 50, seed=1)
+    high = respond(CONFIG, lot.with_columns(gain=np.full(50, 1.05)), DRIVE)
+    louder = Waveform([replace(p, volts=1.05 * p.volts) for p in DRIVE.pulses])
+    alone = respond(CONFIG, lot, louder)
+    np.testing.assert_allclose(high.max_contact_speed, alone.max_contact_speed, atol=1e-7)
+
+
+def test_one_more_quantity_is_an_object_in_one_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    heaviest = Quantity(
+        name="momentum", unit="nN s", long_name="momentum at the hardest impact", per="switch",
+        values=lambda c: c.lot["M"] * c.response.max_contact_speed,
+    )  # fmt: skip
+    monkeypatch.setitem(QUANTITIES, heaviest.name, heaviest)
+    lot = draw(CONFIG, 100, seed=1)
+    closing = Closing.of(CONFIG, lot, DRIVE, respond(CONFIG, lot, DRIVE, max_impacts=100))
+    values = np.sort(lot["M"] * closing.response.max_contact_speed)
+    values = values[~np.isnan(values)]
+    assert quantity("momentum").of(closing).estimate == values[int(np.ceil(0.9 * values.size)) - 1]
+
+
+def test_one_more_device_model_touches_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    def heavier(switches: Any, *arguments: Any, **settings: Any) -> Any:
+        return simulate(np.asarray(switches) * [1.0, 1.0, 1.0, 1.1], *arguments, **settings)
+
+    entry = SimpleNamespace(name="heavier", load=lambda: heavier)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
+    config = load_config(
+        {"model": {"name": "heavier"}, "trim": {"measured": "pull-in"}, "amplifier": {"gain_error": 0.02}}
+    )
+    lot = draw(config, 20, seed=1)
+    assert evaluate(config, lot, DRIVE).n_failed == 0
+    i = 3
+    a, b = lot["voltage_scale"][i] * lot["gain"][i], lot["time_scale"][i]
+    drive = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
+    alone = heavier(lot.switches[i : i + 1], drive, horizon_us=250.0 * b, max_volts=1e9)
+    assert respond(config, lot, DRIVE).max_contact_speed[i] == pytest.approx(alone.max_contact_speed[0], rel=1e-6)
