@@ -21,11 +21,15 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 from scipy.stats import binom
 
+from softclose import Waveform
+from softclose.evaluate import draw, respond
 from softclose.metrics import intervals
 from softclose.metrics.intervals import Interval, unseen_share
 from softclose.metrics.objective import Assessment, Judged, assess
 from softclose.metrics.paired import compare
 from softclose.metrics.race import race, sizes
+from softclose.population import Sampling
+from softclose.settings import load_config
 
 FloatArray = NDArray[np.float64]
 Quantile = Callable[[FloatArray], FloatArray]
@@ -255,6 +259,64 @@ def races(rare: float, repetitions: int, seed: int = 0) -> float:
     return held / repetitions
 
 
+WAVEFORMS: dict[str, list[tuple[float, float, float | None, float]]] = {
+    "soft": [(0.0, 4.0, 4.78, 84.95), (32.46, 4.33, 6.2, 149.76), (45.94, 13.24, None, 75.39)],
+    "hard": [(0.0, 4.0, None, 100.0)],
+    "p_nc near 0": [(0.0, 4.0, 3.2, 150.0), (25.0, 20.0, None, 95.0)],
+    "near the jump": [(0.0, 4.0, 3.2, 150.0), (25.0, 20.0, None, 66.0)],
+}
+"""(start, rise, peak, volts) of each pulse [µs, V]."""
+REPLICATED = ("p_nc", "v_u", "mean V", "g", "CVaR")
+
+
+def replicated(name: str, n: int, repetitions: int, n_truth: int = 2**19) -> dict[str, tuple[float, float, float]]:
+    """(coverage, half-width over Monte Carlo's, true spread of one Sobol sample over Monte Carlo's) of each figure of
+    a waveform, from ensembles of n switches in 16 independent scramblings."""
+    config, waveform = load_config("current"), Waveform.from_rows(WAVEFORMS[name])
+
+    def response(seed: int, size: int, sampling: Sampling) -> Judged:
+        v, closed = [], []
+        for start in range(0, size, 2**16):
+            lot = draw(config, min(2**16, size - start), seed=seed, sampling=sampling, start=start)
+            r = respond(config, lot, waveform)
+            v.append(100.0 * r.max_contact_speed)
+            closed.append(r.closed)
+        return judged(np.concatenate(v), np.concatenate(closed))
+
+    def of(r: Judged, sampling: str) -> tuple[FloatArray, FloatArray]:
+        a = assess(r, sampling=sampling, min_contact=0.0)
+        ends = (a.p_nc_intervals.wilson, a.v_u_interval, a.mean_interval, a.g_interval, a.cvar_interval)
+        return np.array([a.p_nc, a.v_u_cm_s, a.mean_cm_s, a.g_cm_s, a.cvar_cm_s]), np.array(ends)
+
+    truth = of(response(10_000, n_truth, "sobol"), "sobol")[0]
+    inside, widths, sobol = [], [], []
+    for seed in range(repetitions):
+        r = response(seed, n, "replicated")
+        ends, plain = of(r, "replicated")[1], of(r, "monte-carlo")[1]
+        inside.append((ends[:, 0] <= truth) & (truth <= ends[:, 1]))
+        widths.append((ends[:, 1] - ends[:, 0]) / (plain[:, 1] - plain[:, 0]))
+        if seed < 40:
+            one = of(response(seed, n, "sobol"), "sobol")[0]
+            sobol.append((one - truth) / (0.5 * (plain[:, 1] - plain[:, 0]) / 1.96))
+    spread = np.sqrt((np.array(sobol) ** 2).mean(axis=0))
+    held, narrower = np.mean(inside, axis=0), np.median(widths, axis=0)
+    return {figure: (float(held[k]), float(narrower[k]), float(spread[k])) for k, figure in enumerate(REPLICATED)}
+
+
+def _print_replicated(repetitions: int) -> None:
+    """As many repetitions as 2.5 million switches a cell allow, and no more than asked for."""
+    print(
+        "\n## Sixteen scramblings: coverage, width and (one Sobol sample's) spread over Monte Carlo's\n"
+    )
+    print("| waveform | N | repetitions | " + " | ".join(REPLICATED) + " |")
+    print("| --- | ---: | ---: |" + " ---: |" * len(REPLICATED))
+    for name in WAVEFORMS:
+        for n in (512, 4096, 32768):
+            r = min(repetitions, max(2_500_000 // n, 40))
+            cells = [f"{h:.3f}, {w:.2f}, {s:.2f}" for h, w, s in replicated(name, n, r).values()]
+            print(f"| {name} | {n:,} | {r} | " + " | ".join(cells) + " |", flush=True)
+
+
 def _table(title: str, found: Iterator[tuple[str, float, Mapping[int, Mapping[str, tuple[float, float]]]]]) -> None:
     """found: (name, share of its rarest group, {n: {figure: (coverage, how often open above)}})."""
     print(f"\n## {title}\n")
@@ -287,6 +349,7 @@ def main() -> None:
             ((name, pair.group, {n: pairs(name, n, r) for n in SIZES}) for name, pair in PAIRS.items()),
         ),
         "proportions": _print_proportions,
+        "replicated": _print_replicated,
         "races": lambda r: print(
             "\n## Races\n\n| rare p_nc | hold |\n| ---: | ---: |\n"
             + "\n".join(f"| {rare:g} | {races(rare, r):.3f} |" for rare in (2e-3, 1e-3, 5e-4))

@@ -6,14 +6,14 @@ Works from the contact speeds and closed flags alone, so stored responses can be
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.metrics import intervals
+from softclose.metrics import intervals, replicates
 from softclose.metrics.intervals import Interval, Proportion
 from softclose.metrics.joined import joint, reach
 from softclose.metrics.limit import Limit, limit_on
@@ -142,7 +142,7 @@ class Assessment:
     closed_by_us: float
     """A switch counts as closed where it is held from this instant on [µs]; 0: from any instant."""
     intervals_valid: bool
-    """True for independent random sampling. Quasi-random points are not independent: no interval holds for them."""
+    """False for one quasi-random sample, whose points are not independent: it has no intervals, NaN throughout."""
 
     def to_dict(self) -> dict[str, Any]:
         """Nested plain values, for JSON and stores."""
@@ -181,8 +181,8 @@ def assess(
     limits_cm_s : sequence of float
         Speeds [cm/s] whose probability of being exceeded is wanted.
     sampling : str
-        How the ensemble was drawn. Intervals hold for independent random sampling only; `intervals_valid` is False for
-        any other.
+        How the ensemble was drawn: "monte-carlo", independent draws; "replicated", independent scramblings, switch i of
+        scrambling i mod R; "sobol", one quasi-random sample, for which no interval holds (NaN).
     form : {"penalty", "chance"}
         "penalty": g = v_u + c1 p_nc (Eq. 10). "chance" (minimise v_u subject to p_nc <= p_max):
         g = v_u + chance_penalty max(0, p_nc - p_max), an exact penalty: where it outweighs what v_u gains per unit of
@@ -260,10 +260,7 @@ def assess(
     # Half of Wilson's width over z is the standard error of p_nc, and stays above 0 where none or all closed.
     p_se = (penalty(p_upper) - penalty(p_lower)) / (2.0 * intervals.normal_quantile(confidence))
 
-    limit = None
-    if form == "chance":
-        limit = limit_on(p_nc, floor, confidence, valid=sampling == "monte-carlo")
-    return Assessment(
+    found = Assessment(
         n=n,
         n_contact=n_contact,
         n_closed=n_closed,
@@ -274,8 +271,8 @@ def assess(
             g + reach(q_range[1], p_range[1], association, jumps[1]),
         ),
         g_se_cm_s=joint(value_se, p_se, association),
-        feasible=limit is None or limit.verdict == "met",
-        limit=limit,
+        feasible=True,
+        limit=None,
         v_u_cm_s=v_u,
         v_u_interval=v_u_interval,
         cvar_cm_s=shortfall.estimate,
@@ -294,21 +291,128 @@ def assess(
         level=level,
         confidence=confidence,
         closed_by_us=closed_by_us,
-        intervals_valid=sampling == "monte-carlo",
+        intervals_valid=sampling != "sobol",
+    )
+    if sampling == "replicated":
+        found = _sectioned(found, speed, closed, _settling(response), risk, penalty, defined)
+    elif sampling == "sobol":
+        found = _without_intervals(found)
+    if form != "chance":
+        return found
+    limit = limit_on(found.p_nc_intervals, floor, confidence, valid=found.intervals_valid)
+    return replace(found, limit=limit, feasible=limit.verdict == "met")
+
+
+def _without_intervals(a: Assessment) -> Assessment:
+    """The same figures of one quasi-random sample, which has no interval; the standard error stays, as a scale."""
+    none = intervals.NO_INTERVAL
+
+    def bare(p: Proportion) -> Proportion:
+        return replace(p, wald=none, wilson=none, clopper_pearson=none)
+
+    return replace(
+        a,
+        g_interval=none,
+        v_u_interval=none,
+        cvar_interval=none,
+        mean_interval=none,
+        closing_interval=none,
+        p_nc_intervals=bare(a.p_nc_intervals),
+        p_above_v_u_half_width=math.nan,
+        p_exceed=tuple(replace(e, probability=bare(e.probability), excess_interval=none) for e in a.p_exceed),
     )
 
 
-def _closing(response: Response, level: float, confidence: float) -> tuple[float, Interval]:
-    """Closing time of the lot and its interval; a switch that could not be integrated never closes."""
-    known = getattr(response, "settling_us", None)
+def _sectioned(
+    a: Assessment,
+    speed: FloatArray,
+    closed: NDArray[np.bool_],
+    settling: FloatArray | None,
+    risk: str,
+    penalty: Callable[[float], float],
+    defined: bool,
+) -> Assessment:
+    """The same figures with intervals and standard error from independent scramblings (`softclose.metrics.replicates`).
+
+    speed: (n,) [µm/µs]; penalty: what p_nc adds to g [cm/s].
+    """
+    limits = [e.limit_cm_s for e in a.p_exceed]
+    parts = replicates.sections(speed * CM_S, closed, settling, level=a.level, limits=limits)
+    c = a.confidence
+
+    def speeds(pooled: float, of: FloatArray, beyond: float) -> Interval:
+        lower, upper = replicates.about(pooled, of, c)
+        return max(lower, 0.0) if lower == lower else lower, math.inf if beyond < LEAST_BEYOND else upper
+
+    n_beyond = int((speed * CM_S > a.v_u_cm_s).sum())
+    p_nc = replicates.proportion(a.n - a.n_closed, a.n, parts.p_nc, c)
+    value, of_value = (a.cvar_cm_s, parts.cvar) if risk == "cvar" else (a.v_u_cm_s, parts.v_u)
+    rare = min(a.n_closed, a.n - a.n_closed) < replicates.RARE
+    of_g = of_value + np.array([penalty(float(p)) for p in parts.p_nc])
+    g = value + penalty(a.p_nc)
+    if not defined:
+        of_g, g = of_g - of_value, penalty(a.p_nc)
+    low, high = replicates.about(g, of_g, c)
+    se = replicates.standard_error(g, of_g) if low == low else a.g_se_cm_s
+    reach_low, reach_high = g - low, high - g
+    if rare or any(penalty(p) == 0.0 for p in p_nc.wilson):  # p_nc may be more than the scramblings saw of it
+        spread = value - replicates.about(value, of_value, c)[0] if defined else 0.0
+        ends = [penalty(p) - penalty(a.p_nc) for p in p_nc.wilson]
+        reach_low, reach_high = joint(spread, -ends[0], 0.0), joint(spread, ends[1], 0.0)
+        se = max(se, 0.5 * (ends[1] - ends[0]) / intervals.normal_quantile(c))
+    if risk == "cvar" and n_beyond < LEAST_BEYOND:
+        reach_high = math.inf
+    exceed = [
+        replace(
+            e,
+            probability=replicates.proportion(e.probability.count, e.probability.n, parts.exceed[:, k], c),
+            excess_interval=speeds(e.excess_cm_s, parts.excess[:, k], e.probability.count),
+        )
+        for k, e in enumerate(a.p_exceed)
+    ]
+    closing = replicates.about(a.closing_us, parts.closing, c)
+    mean_low, mean_high = speeds(a.mean_cm_s, parts.mean, LEAST_BEYOND)
+    missing = a.n - a.n_contact
+    if missing < replicates.RARE and math.isfinite(mean_low):
+        # The mean of a smooth V is known better than how many switches, of the slowest, do not touch: 0 of n may be 3.
+        more = intervals.clopper_pearson(missing, a.n, c)[1] - missing / a.n
+        more *= a.mean_cm_s - float(np.nanmin(speed)) * CM_S
+        mean_low, mean_high = (
+            a.mean_cm_s - joint(a.mean_cm_s - mean_low, more, 0.0),
+            a.mean_cm_s + joint(mean_high - a.mean_cm_s, more, 0.0),
+        )
+    return replace(
+        a,
+        g_interval=(a.g_cm_s - reach_low, a.g_cm_s + reach_high),
+        g_se_cm_s=se,
+        v_u_interval=speeds(a.v_u_cm_s, parts.v_u, LEAST_BEYOND),
+        cvar_interval=speeds(a.cvar_cm_s, parts.cvar, n_beyond),
+        mean_interval=(mean_low, mean_high),
+        p_nc_intervals=p_nc,
+        closing_interval=closing,
+        p_exceed=tuple(exceed),
+    )
+
+
+def _settling(response: Response) -> FloatArray | None:
+    """(n,) instants from which switches are held [µs]; inf of one that could not be integrated; None: not known."""
+    known, status = getattr(response, "settling_us", None), getattr(response, "status", None)
     if known is None:
-        return math.nan, intervals.NO_INTERVAL
-    settling, status = np.asarray(known, dtype=np.float64), getattr(response, "status", None)
+        return None
+    settling = np.asarray(known, dtype=np.float64)
     if settling.shape != np.shape(response.closed):
         raise ObjectiveError(
             f"settling_us has shape {settling.shape}; it must be {np.shape(response.closed)}, as closed"
         )
-    ordered = np.sort(settling if status is None else np.where(np.asarray(status) != 0, math.inf, settling))
+    return settling if status is None else np.where(np.asarray(status) != 0, math.inf, settling)
+
+
+def _closing(response: Response, level: float, confidence: float) -> tuple[float, Interval]:
+    """Closing time of the lot and its interval; a switch that could not be integrated never closes."""
+    settling = _settling(response)
+    if settling is None:
+        return math.nan, intervals.NO_INTERVAL
+    ordered = np.sort(settling)
     if np.isnan(ordered).any():
         return math.nan, intervals.NO_INTERVAL
     value, (lower, upper) = intervals.quantile_estimate(ordered, level, confidence)

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.metrics.replicates import REPLICATES
 from softclose.population import copula
 from softclose.population.copula import Correlation
 from softclose.population.distributions import PopulationError, portable
@@ -24,9 +25,9 @@ from softclose.population.marginals import Marginal, marginal_from_dict
 from softclose.switch.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 
 FloatArray = NDArray[np.float64]
-Sampling = Literal["monte-carlo", "sobol"]
+Sampling = Literal["monte-carlo", "sobol", "replicated"]
 
-SAMPLINGS: tuple[str, ...] = ("monte-carlo", "sobol")
+SAMPLINGS: tuple[str, ...] = ("monte-carlo", "sobol", "replicated")
 VARIABLES = ("D", "G", "E", "T")
 _N_MOMENTS = 2**14
 _MAX_SOBOL = 2**30  # scipy's generator has 30 bits
@@ -174,8 +175,9 @@ class Population:
             Number of switches.
         seed : int
             Which ensemble.
-        sampling : {"monte-carlo", "sobol"}
-            How the unit cube is filled. Intervals hold for "monte-carlo" only.
+        sampling : {"monte-carlo", "sobol", "replicated"}
+            How the unit cube is filled. "replicated": switch i is point i // R of scrambling i mod R, of R independent
+            ones (`softclose.metrics.replicates`). One "sobol" sample has no intervals.
         start : int
             Index of the first switch.
         stream : int
@@ -443,13 +445,31 @@ def _uniforms(n: int, *, seed: int, sampling: str, start: int, stream: int) -> F
         raise PopulationError(f"sampling is {sampling!r}; it must be one of {', '.join(SAMPLINGS)}")
     if sampling == "monte-carlo":
         return index_uniforms(n, seed=seed, start=start, stream=stream)
+    if sampling == "replicated":
+        return _replicated(int(n), _key(seed, stream, sampling), int(start))
+    return _scrambled(int(n), _key(seed, stream, sampling), int(start))
+
+
+def _replicated(n: int, key: np.random.SeedSequence, start: int) -> FloatArray:
+    """Rows `start` to `start + n`: row i is point i // R of scrambling i mod R."""
+    out = np.empty((n, 4))
+    for r, own in enumerate(key.spawn(REPLICATES)):
+        first = (r - start) % REPLICATES  # its first row among these
+        rows = out[first::REPLICATES]
+        if len(rows):
+            rows[:] = _scrambled(len(rows), own, (start + first) // REPLICATES)
+    return out
+
+
+def _scrambled(n: int, key: np.random.SeedSequence, start: int) -> FloatArray:
+    """Points `start` to `start + n` of one scrambled Sobol sequence in [0, 1)⁴."""
     from scipy.stats import qmc
 
     if start + n > _MAX_SOBOL:
         raise PopulationError(f"start + n is {start + n}; a Sobol sequence has at most {_MAX_SOBOL} points")
-    engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(_key(seed, stream, sampling)))
+    engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(key))
     if start:
-        engine.fast_forward(int(start))
-        return np.asarray(engine.random(int(n)))
+        engine.fast_forward(start)
+        return np.asarray(engine.random(n))
     # Drawing a power of two and cutting it: scipy warns about the balance of any other first draw.
-    return np.asarray(engine.random_base2(int(n - 1).bit_length())[: int(n)])
+    return np.asarray(engine.random_base2((n - 1).bit_length())[:n])

@@ -55,8 +55,9 @@ class PopulationSection:
     """A shipped population, or the path of a population TOML."""
     n_switches: SwitchCount = 2000
     """Switches in the training ensemble of each candidate."""
-    sampling: Literal["monte-carlo", "sobol"] = "monte-carlo"
-    """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals."""
+    sampling: Literal["monte-carlo", "sobol", "replicated"] = "monte-carlo"
+    """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals; replicated has
+    both: 16 independent scramblings, best with 512 switches or more."""
 
 
 def extension_size(extension: int | tuple[int, ...]) -> int:

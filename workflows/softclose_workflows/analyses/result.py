@@ -29,11 +29,7 @@ def print_result(path: str) -> None:
         raise Stopped(f"none of its {standing.committed} candidates could be assessed; first reason: {standing.reason}")
     switches = Lot(campaign.population()).rows(slice(best.n_switches))
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
-    kind = (
-        interval_kinds(config.objective.confidence, best.n_switches).removesuffix(".")
-        if config.population.sampling == "monte-carlo"
-        else "quasi-random sample: the bracketed intervals do not hold"
-    )
+    kind = interval_kinds(config.objective.confidence, best.n_switches, config.population.sampling).removesuffix(".")
     references = simulate_references(config, switches)
     print_designs(
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",

@@ -195,7 +195,7 @@ class ReportData:
     @property
     def has_intervals(self) -> bool:
         """False for quasi-random ensembles, for which no interval holds."""
-        return self.config.population.sampling == "monte-carlo"
+        return self.config.population.sampling != "sobol"
 
     @property
     def finished(self) -> bool:

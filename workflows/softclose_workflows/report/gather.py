@@ -114,7 +114,7 @@ def _candidates(records: Mapping[str, NDArray[Any]], config: CampaignConfig) -> 
     for k, limit in enumerate(config.objective.limits_cm_s):
         for name, end in (("p_exceed", ""), ("p_exceed_wilson", "_lower"), ("p_exceed_wilson", "_upper")):
             columns[f"{name}_{limit:g}{end}"] = np.asarray(records[name + end][:, k], dtype=np.float64)
-    if config.population.sampling != "monte-carlo":  # recorded for any sampling, but none holds for quasi-random draws
+    if config.population.sampling == "sobol":  # older stores have them for any sampling, but none holds for it
         columns = {n: np.full_like(v, math.nan) if n.endswith(ENDS) else v for n, v in columns.items()}
     surrogate = {
         name.removeprefix(SURROGATE_PREFIX): np.asarray(values, dtype=np.float64)

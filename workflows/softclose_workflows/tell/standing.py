@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.metrics.intervals import proportion
 from softclose.metrics.limit import Limit, limit_on
@@ -95,15 +96,19 @@ def standing_of(campaign: Campaign, store: str) -> Standing:
         fallbacks=int(stands_in.sum()),
         reason=str(reasons[0]) if reasons else "",
         best=best,
-        limit=None if best is None else _limit(campaign.config, best),
+        limit=None if best is None else _limit(campaign.config, best, records),
     )
 
 
-def _limit(config: Mapping[str, Any], best: Best) -> Limit | None:
-    """The chance-constrained form's limit, judged on the best candidate's own ensemble."""
+def _limit(config: Mapping[str, Any], best: Best, records: Mapping[str, NDArray[Any]]) -> Limit | None:
+    """The chance-constrained form's limit, judged by the best candidate's own record."""
     objective = config["objective"]
     if objective["form"] != "chance":
         return None
-    p = proportion(round(best.p_nc * best.n_switches), best.n_switches, objective["confidence"])
-    valid = config["population"]["sampling"] == "monte-carlo"
-    return limit_on(p, objective["p_max"], objective["confidence"], valid=valid)
+    lower, upper = (float(records[f"p_nc_clopper_pearson_{end}"][best.candidate]) for end in ("lower", "upper"))
+    confidence = objective["confidence"]
+    p = proportion(round(best.p_nc * best.n_switches), best.n_switches, confidence)
+    valid = config["population"]["sampling"] != "sobol"
+    return limit_on(
+        replace(p, clopper_pearson=(lower, upper)), objective["p_max"], objective["confidence"], valid=valid
+    )

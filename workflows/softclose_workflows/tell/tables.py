@@ -8,6 +8,7 @@ from typing import Any
 
 from softclose.device.status import not_integrated
 from softclose.metrics.intervals import Interval, unseen_share
+from softclose.metrics.replicates import REPLICATES
 from softclose_store import Best
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import waveform_rows
@@ -42,11 +43,15 @@ def ends(lower: float, upper: float, digits: int = 2, sign: str = "") -> str:
     return f"{end(lower)}{' to ' if sign else '–'}{end(upper)}"
 
 
-def interval_kinds(confidence: float, n: int) -> str:
-    """What the intervals of a table are, and what none of them knows; n: switches.
+def interval_kinds(confidence: float, n: int, sampling: str = "monte-carlo") -> str:
+    """What the intervals of a table are, and what none of them knows; n: switches, sampling: how they were drawn.
 
     Which of them keep their promise, and for which n: docs/measurements/coverage.md.
     """
+    if sampling == "sobol":
+        return "one quasi-random sample: no interval holds for it."
+    if sampling == "replicated":
+        return f"{confidence:.0%} intervals: from the spread of {REPLICATES} independent scramblings."
     return (
         f"{confidence:.0%} intervals: order statistics (v_u), Student and Hall (mean V, CVaR), Wilson (p_nc: right on "
         f"average, down to 84 % near 0 and 1). None knows of a group that no switch is from: up to "
