@@ -133,7 +133,8 @@ def race(
                 continue
             behind = judged[i].g_cm_s - judged[best].g_cm_s
             apart = g_influence(found[i], judged[i], **objective) - own
-            open_apart = np.asarray(found[best].closed, dtype=float) - np.asarray(found[i].closed, dtype=float)
+            closed = [in_time(found[j], judged[j].closed_by_us).astype(float) for j in (i, best)]
+            open_apart = closed[0] - closed[1]
             slope = max(penalty_slope(judged[j], **objective) for j in (i, best))
             rare = slope**2 * max(z * z / n - float(np.var(open_apart)), 0.0)
             se = math.sqrt((float(np.var(apart)) + rare) / n)
