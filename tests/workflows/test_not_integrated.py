@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from softclose import assess
+from softclose import Pulse, Waveform, assess, load_config
+from softclose.conditions.streams import Ensemble
 from softclose.device.status import Status, not_integrated, reasons
+from softclose.evaluate import draw, respond
 from softclose.metrics.objective import Judged
+from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
+from softclose.uncertainty.tails import tail
 from softclose_store import Best, open_campaign
+from softclose_workflows.analyses.forewarned import forewarnings
 from softclose_workflows.cli import main
 from softclose_workflows.run.records import assessment_record
 from softclose_workflows.tell.standing import Standing, best_to_json
@@ -130,3 +136,48 @@ def test_reasons_are_counted_and_named() -> None:
     each = "2 collapsed onto the counter-electrode, 1 left the table of capacitance"
     assert reasons([0, 2, 2, 3]) == f"3 of 4 switches could not be integrated: {each}"
     assert "1 ended with status 9" in reasons([0, 9])
+
+
+BRIDGE = """
+[[mode]]
+frequency_kHz = 61.0
+mass_ug = 0.064
+electrode = 0.8
+[[mode]]
+frequency_kHz = 240.0
+mass_ug = 0.07
+contact = -0.5
+electrode = 0.3
+"""
+
+
+def test_tails_and_sensitivity_take_no_failed_switch_for_an_answer(tmp_path: Path) -> None:
+    """Brute force counts it as open, and says how many; variance has no shares of what is not known."""
+    modes = tmp_path / "bridge.toml"
+    modes.write_text(BRIDGE)
+    config = load_config("current", ["model.name=reduced-order", f"model.modes={modes}"])
+    drive = Waveform([Pulse(0.0, 4.0, math.inf, 135.0)])
+    lot = draw(config, 400, seed=5, ensemble=Ensemble.TAIL)
+    found = respond(config, lot, drive)
+    failed = int((found.status != Status.OK).sum())
+    assert 0 < failed < 200
+    for event in ("open", "fast"):
+        (row,) = tail(config, drive, event, limit_cm_s=1e-3, methods=("brute",), n_switches=400, seed=5)
+        assert f"{failed} of 400 switches could not be integrated" in row.note
+        expected = (~found.closed).mean() if event == "open" else np.isfinite(found.max_contact_speed).mean()
+        assert row.probability == pytest.approx(expected)
+    with pytest.raises(SensitivityError, match="could not be integrated"):
+        sensitivity(config.build_population(), drive, config=config, n=64, n_replicates=2)
+
+
+def test_what_may_end_a_switch_is_said_before_the_run(tmp_path: Path) -> None:
+    modes = tmp_path / "modes.toml"
+    x = [round(-0.5 + 0.25 * i, 2) for i in range(14)]
+    c = [round(147.9 / (3.68 - v), 3) for v in x]
+    modes.write_text(f"{BRIDGE}\n[capacitance]\ngap_um = 3.68\ntravel_um = {x}\ncapacitance_fF = {c}\n")
+    config = load_config("current", ["model.name=reduced-order", f"model.modes={modes}"])
+    said = " ".join(forewarnings(config))
+    assert "its contact, until its electrode collapses" in said
+    assert "the capacitance is known from -0.5 µm on ([capacitance] travel_um)" in said
+    calm = load_config("current", ["model.name=reduced-order", f"model.modes={modes}", "waveform.max_volts=60"])
+    assert "collapses" not in " ".join(forewarnings(calm))

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.conditions.streams import Draw, key
+from softclose.device.status import not_integrated
 from softclose.evaluate import coordinates, realise, respond
 from softclose.metrics.intervals import student_interval
-from softclose.metrics.objective import CM_S, in_time
+from softclose.metrics.objective import CM_S, MAX_FAILED, in_time
 from softclose.population import Population
 from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Waveform
@@ -100,16 +101,22 @@ def sensitivity(
     drawn = coordinates(settings)
     names = [part for c in drawn for part in c.parts]
     edges = np.cumsum([len(c.parts) for c in drawn])[:-1]
-    touched = closed = total = 0
+    touched = closed = total = failed = 0
     spread: list[FloatArray] = []
 
     def outputs(p: FloatArray) -> FloatArray:
-        nonlocal touched, closed, total
+        nonlocal touched, closed, total, failed
         u = {c.name: part for c, part in zip(drawn, np.split(p.T, edges, axis=1), strict=True)}
         r = respond(settings, realise(settings, u), waveform)
         held = in_time(r, settings.objective.closed_by_us)
         v = np.asarray(r.max_contact_speed, dtype=np.float64)
         total += v.size
+        failed += int((np.asarray(r.status) != 0).sum())
+        if failed > MAX_FAILED * max(total, n):
+            raise SensitivityError(
+                f"{not_integrated(failed, total)}, and what they would have done has no shares of variance: lower the "
+                "voltage, or mend the device model"
+            )
         touched += int((~np.isnan(v)).sum())
         closed += int(np.sum(held))
         out = np.stack([np.nan_to_num(v, nan=0.0) * CM_S, held.astype(np.float64)])

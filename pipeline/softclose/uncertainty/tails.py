@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy.special import ndtr
 
 from softclose.conditions.streams import Ensemble
+from softclose.device.status import not_integrated
 from softclose.evaluate import coordinates, draw, realise, respond
 from softclose.metrics.intervals import Interval, clopper_pearson, normal_quantile
 from softclose.metrics.objective import CM_S, in_time
@@ -134,11 +135,22 @@ def tail(
     space = _Space(config, waveform, event, limit_cm_s, threads)
     found = []
     for method in methods:
+        space.n_failed = 0
         if method == "brute":
-            found.append(_brute(space, n_switches, confidence, seed))
-            continue
-        found.append(_reliability(space, method, relative_error, confidence, seed))
+            row = _brute(space, n_switches, confidence, seed)
+        else:
+            row = _reliability(space, method, relative_error, confidence, seed)
+        found.append(_with_failures(row, space))
     return tuple(found)
+
+
+def _with_failures(row: Tail, space: _Space) -> Tail:
+    """The row; where switches could not be integrated, with a note of how many, and what they count as."""
+    if not space.n_failed:
+        return row
+    counted = "not fast" if space.event == "fast" else "open"
+    told = f"{not_integrated(space.n_failed, row.n_switches)}, counted as {counted}"
+    return replace(row, note=f"{row.note}; {told}" if row.note else told)
 
 
 def _none(space: _Space, method: Method, note: str) -> Tail:
@@ -158,7 +170,7 @@ class _Space:
         self.threshold = limit_cm_s if event == "fast" else 0.0
         self.coordinates = coordinates(config)
         self.dim = sum(len(c.parts) for c in self.coordinates)
-        self.n = 0
+        self.n = self.n_failed = 0
 
     def lot(self, u: FloatArray) -> Lot:
         """The switches at (n, dim) standard normal coordinates."""
@@ -173,6 +185,7 @@ class _Space:
         """
         self.n += len(lot)
         r = respond(self.config, lot, self.waveform, threads=self.threads)
+        self.n_failed += int((np.asarray(r.status) != 0).sum())
         if self.event == "fast":
             return np.nan_to_num(r.max_contact_speed * CM_S, nan=0.0)
         limit = self.config.objective.closed_by_us or self.config.model.horizon_us
