@@ -293,10 +293,23 @@ def _check_reach(modes: ReducedOrder, table: FloatArray) -> None:
         )
 
 
+def _by_name(frame: Any, columns: list[Any]) -> FloatArray:
+    missing = [name for name in "DGKM" if columns.count(name) != 1]
+    if missing:
+        raise TypeError(f"the table has no column {missing[0]}, or several")
+    values: FloatArray = frame[list("DGKM")].to_numpy()
+    return values
+
+
 def _check_switches(switches: ArrayLike) -> FloatArray:
     try:
         if np.iscomplexobj(switches):
             raise TypeError("complex numbers")
+        if np.ma.is_masked(switches):
+            raise TypeError("some entries are masked")
+        columns = getattr(switches, "columns", None)
+        if columns is not None and hasattr(switches, "to_numpy"):  # a data frame: by name, not by position
+            switches = _by_name(switches, list(columns))
         table = np.ascontiguousarray(switches, dtype=np.float64)
     except (TypeError, ValueError) as e:
         raise SimulationError(f"switches cannot be read as numbers ({e}); give an (n, 4) array D, G, K, M") from e

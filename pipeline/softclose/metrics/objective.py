@@ -216,6 +216,8 @@ def assess(
         For values outside these limits, or a response with unsuccessful switches.
     """
     _check(locals())
+    if sampling not in ("monte-carlo", "sobol"):
+        raise ObjectiveError(f"sampling is {sampling!r}; it must be monte-carlo or sobol")
     speed, closed, n_failed = _arrays(response, closed_by_us)
     closing_us, closing_interval = _closing(response, level, confidence)
     n = speed.size

@@ -199,7 +199,7 @@ def _correlation(table: Mapping[str, Any]) -> tuple[Correlation, ...]:
 def _variable(v: str, table: Mapping[str, Any]) -> Marginal | float:
     """The distribution, or the relative half-width where the nominal value is left to the targets."""
     kind = table.get("distribution")
-    if kind not in _KEYS:
+    if isinstance(kind, list | dict) or kind not in _KEYS:
         raise PopulationError(
             f"[{v}] distribution is {kind!r}; {did_you_mean(str(kind), _KEYS)}it must be one of {', '.join(_KEYS)}"
         )

@@ -15,6 +15,7 @@ from pydantic.dataclasses import dataclass
 from softclose.allowed.refusal import refusal
 from softclose.allowed.types import (
     MAX_COUNT,
+    MAX_HORIZON_US,
     MOST_IN_A_WAVE,
     SETTINGS,
 )
@@ -160,6 +161,11 @@ class CampaignConfig:
             raise ValueError(
                 f"opening.release_us is {release:g}; the closing is judged until model.horizon_us "
                 f"{self.model.horizon_us:g}: let go then or later"
+            )
+        if release + self.opening.watch_us > MAX_HORIZON_US:
+            raise ValueError(
+                f"opening.release_us is {release:g} and opening.watch_us {self.opening.watch_us:g}; together they may "
+                f"reach {MAX_HORIZON_US:g} µs"
             )
         others = {
             f"waveform.space {self.waveform.space} lets go by itself": self.waveform.space.endswith("-release"),
@@ -328,6 +334,10 @@ _SECTIONS = (
 )
 
 
+MOST_PROBLEMS = 20
+"""Of one configuration that are told."""
+
+
 def validated(data: Mapping[str, Any]) -> CampaignConfig:
     if not isinstance(data, Mapping):
         raise ConfigError(f"{data!r} is no configuration; give a mapping of sections")
@@ -335,8 +345,9 @@ def validated(data: Mapping[str, Any]) -> CampaignConfig:
     try:
         return TypeAdapter(CampaignConfig).validate_python(dict(data))
     except ValidationError as e:
-        problems = [_problem(x["loc"], x["type"], x["input"], x["msg"]) for x in e.errors(include_url=False)]
-        raise ConfigError("\n".join(problems)) from e
+        errors = e.errors(include_url=False)
+        problems = [_problem(x["loc"], x["type"], x["input"], x["msg"]) for x in errors[:MOST_PROBLEMS]]
+        raise ConfigError(_listed(problems, len(errors))) from e
 
 
 def _problem(place: tuple[int | str, ...], kind: str, got: Any, said: str) -> str:
@@ -352,22 +363,33 @@ def _problem(place: tuple[int | str, ...], kind: str, got: Any, said: str) -> st
 
 def _refuse_unknown(data: Mapping[str, Any]) -> None:
     known = known_keys()
-    problems = []
+    problems: list[str] = []
+    n = 0
     for section, table in data.items():
         if section in WRITTEN_OUT:
+            continue
+        if len(problems) >= MOST_PROBLEMS:
+            n += 1
             continue
         if section not in known:
             problems.append(_unknown("section", section, known))
         elif not isinstance(table, Mapping):
             problems.append(f"{section} is {table!r}; it must be a table of keys: {', '.join(known[section])}")
         else:
+            unknown = [key for key in table if key not in known[section]]
             problems += [
                 _unknown("key", f"{section}.{key}", [f"{s}.{k}" for s, ks in known.items() for k in ks])
-                for key in table
-                if key not in known[section]
+                for key in unknown[:MOST_PROBLEMS]
             ]
+            n += len(unknown[MOST_PROBLEMS:])
     if problems:
-        raise ConfigError("\n".join(problems))
+        raise ConfigError(_listed(problems, len(problems) + n))
+
+
+def _listed(problems: list[str], n: int) -> str:
+    """The first problems, a line each; what follows is mostly the first one's consequence."""
+    shown = problems[:MOST_PROBLEMS]
+    return "\n".join([*shown, *([f"and {n - len(shown):,} problems more"] if n > len(shown) else [])])
 
 
 def _unknown(kind: str, name: str, allowed: Iterable[str]) -> str:

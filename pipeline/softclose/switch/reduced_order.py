@@ -296,7 +296,10 @@ def _part(kind: type[Any], data: Any, where: str) -> Any:
     check_keys(data, known, where, ReducedOrderError)
     values: dict[str, Any] = {}
     for key, value in data.items():
-        if isinstance(value, Sequence) and not isinstance(value, str):
+        listed = isinstance(value, Sequence) and not isinstance(value, str)
+        if listed != str(kind.__dataclass_fields__[key].type).startswith("tuple"):
+            raise ReducedOrderError(f"{where}{key} is {value!r}; it must be a {'finite number' if listed else 'list'}")
+        if listed:
             values[key] = tuple(finite_number(where + key, v, ReducedOrderError) for v in value)
         else:
             values[key] = finite_number(where + key, value, ReducedOrderError)

@@ -31,6 +31,10 @@ _STEPS = 24
 """Halvings of the way to where v_u has doubled."""
 
 
+MOST_STIFFNESS = 10.0
+"""A pull-in voltage of eleven times its own is another switch's."""
+
+
 class DriftError(ValueError):
     """A drift that cannot be."""
 
@@ -66,9 +70,16 @@ def drifted(config: CampaignConfig, lot: Lot, kind: Kind, drift: float) -> tuple
     drift of so many volts is that much less drive.
     """
     if kind == "stiffness":
-        if not drift > -1.0:
-            raise DriftError(f"a drift of {drift:g} leaves no stiffness; it must be above -1 (-100 %)")
+        if not -1.0 < drift <= MOST_STIFFNESS:
+            raise DriftError(
+                f"a drift of {drift:g} is none of a switch; it must be above -1 (-100 %), which leaves no stiffness, "
+                f"and at most {MOST_STIFFNESS:g}"
+            )
         return config, lot.with_columns(K=lot["K"] * (1.0 + drift) ** 2)
+    if not abs(drift) <= config.waveform.max_volts:
+        raise DriftError(
+            f"a drift of {drift:g} V is more than the drive (waveform.max_volts {config.waveform.max_volts:g})"
+        )
     amplifier = replace(config.amplifier, offset_volts=config.amplifier.offset_volts - drift)
     return replace(config, amplifier=amplifier), lot
 
