@@ -28,8 +28,8 @@ FloatArray = NDArray[np.float64]
 SOFT_UM_PER_US = 1e-5
 """Largest contact speed of the mean switch that still counts as a soft landing [µm/µs]: 1e-3 cm/s."""
 
-SOFT_ENOUGH_UM_PER_US = 1e-3
-"""The same of a switch with losses or further modes: two pulses cannot silence a second mode [µm/µs]; 0.1 cm/s."""
+SOFT_ENOUGH_UM_PER_US = 5e-3
+"""The same of a switch with losses or further modes: two pulses cannot silence a second mode [µm/µs]; 0.5 cm/s."""
 
 _RTOL = 1e-12
 

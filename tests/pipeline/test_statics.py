@@ -189,3 +189,15 @@ def test_a_pull_in_that_no_stiffness_gives_is_refused(prober: str, tmp_path: Pat
     population = c.build_population()
     with pytest.raises(PopulationError, match="does not pull its contact"):
         switches_of(population, replace(chain_of(c).device, modes=bad), population.sample_parameters(4, seed=1))
+
+
+def test_what_populations_prints_as_pull_in_is_the_model_s(prober: str, tmp_path: Path) -> None:
+    from softclose.device.told import closing_summary
+    from softclose.switch.reduced_order import read_reduced_order
+
+    found = closing_summary(load_population(prober), read_reduced_order(tmp_path / "modes.toml"), AREA)
+    assert found["U_pi_lower_V"] == pytest.approx(70.0, abs=0.1)
+    assert found["U_pi_upper_V"] == pytest.approx(90.0, abs=0.1)
+    plates = closing_summary(load_population("current"), modes(Mode(frequency_kHz=20.0, electrode=0.8)), AREA)
+    ideal = load_population("current").summary()["U_pi_mean_switch_V"]
+    assert plates["U_pi_mean_switch_V"] == pytest.approx(ideal / 0.8, rel=1e-4)

@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.device.device import Device
+from softclose.plugins import REDUCED_ORDER
 from softclose.population import Population, PopulationError
+from softclose.switch.losses import Losses
+from softclose.switch.reduced_order import ReducedOrder
 
 FloatArray = NDArray[np.float64]
 
@@ -53,6 +56,27 @@ def switches_of(population: Population, device: Device, parameters: FloatArray) 
     stiffer = (told / found) ** 2  # at the same resonance the mass grows as the stiffness does
     switches[:, 2:] *= stiffer[:, None]
     return switches
+
+
+def closing_summary(population: Population, modes: ReducedOrder, plate_area_um2: float) -> dict[str, float]:
+    """Pull-in voltages of a lot in a reduced-order model [V], named as in `Population.summary`; of 4,096 switches."""
+    device = Device(
+        name=REDUCED_ORDER,
+        horizon_us=1.0,
+        restitution=1.0,
+        plate_area_um2=plate_area_um2,
+        rtol=1e-9,
+        method="taylor",
+        losses=Losses(),
+        modes=modes,
+    )
+    drawn = population.sample_parameters(_N_MEAN, seed=0, sampling="sobol")
+    volts = device.closing_voltage(switches_of(population, device, drawn))
+    return {
+        "U_pi_lower_V": float(volts.min()),
+        "U_pi_upper_V": float(volts.max()),
+        "U_pi_mean_switch_V": float(device.closing_voltage(mean_switch(population, device))[0]),
+    }
 
 
 def mean_switch(population: Population, device: Device) -> FloatArray:

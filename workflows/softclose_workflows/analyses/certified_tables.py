@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from softclose.metrics.intervals import Interval, Proportion
 from softclose_workflows.analyses.opening import openings_to_json, print_openings
-from softclose_workflows.analyses.references import missing_lines
+from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import finite, waveform_rows
 from softclose_workflows.tell.tables import beside, ends, interval_kinds, print_designs, with_interval
@@ -50,7 +51,8 @@ def print_certification(result: Certification) -> None:
         )
     for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
-    for line in missing_lines(result.missing):
+    judged = {d.name: d.assessment.g_cm_s for d in result.references}
+    for line in [*beaten_lines(a.g_cm_s, judged), *missing_lines(result.missing)]:
         console.print(line)
     if result.openings is not None:
         o = result.openings
@@ -85,11 +87,13 @@ def _label(result: Certification, design: Certified) -> str:
 
 def comparison_line(c: Comparison) -> str:
     """`v_u -21.4 (-21.9 – -20.8) cm/s, softer on 97.1 % of the switches, p_nc +0.0123`."""
-    return (
-        f"v_u {c.v_u_cm_s:+.2f} ({ends(*c.v_u_interval, sign='+')}) cm/s, "
-        f"softer on {c.softer.estimate:.1%} of the switches, p_nc {c.p_nc:+.4f} "
-        f"({ends(*c.p_nc_interval, 4, '+')})"
+    speed = (
+        "no difference of v_u, since too few switches touch under one of them"
+        if math.isnan(c.v_u_cm_s)
+        else f"v_u {c.v_u_cm_s:+.2f} ({ends(*c.v_u_interval, sign='+')}) cm/s"
     )
+    softer = f"softer on {c.softer.estimate:.1%} of the switches" if c.softer.n else "no switch touches under both"
+    return f"{speed}, {softer}, p_nc {c.p_nc:+.4f} ({ends(*c.p_nc_interval, 4, '+')})"
 
 
 def _proportion(p: Proportion) -> str:

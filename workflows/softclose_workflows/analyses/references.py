@@ -75,6 +75,19 @@ def simulate_references(config: CampaignConfig, lot: Lot) -> SimulatedReferences
     return SimulatedReferences(responses=responses, missing=references.missing)
 
 
+def beaten_lines(best_g_cm_s: float, references: Mapping[str, float]) -> list[str]:
+    """One line for people for each reference design whose objective is smaller than that of the best candidate.
+
+    references: name -> g on the same switches [cm/s]. A reference competes: what a search finds should beat it.
+    """
+    return [
+        f"the {name} design is better than the best candidate (g {g:.2f} against {best_g_cm_s:.2f} cm/s on the same "
+        "switches): give the search more candidates (resume --budget), or widen its space and limits"
+        for name, g in references.items()
+        if g < best_g_cm_s
+    ]
+
+
 def missing_lines(missing: Mapping[str, str]) -> list[str]:
     """One line for people for each reference design that is missing."""
     return [f"no {name} design to compare with: {why}" for name, why in missing.items()]

@@ -7,7 +7,7 @@ from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
 from softclose_workflows.analyses.opening import opening_words
-from softclose_workflows.analyses.references import missing_lines, simulate_references
+from softclose_workflows.analyses.references import beaten_lines, missing_lines, simulate_references
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.opening import read_opening
 from softclose_workflows.run.records import assessment_record
@@ -44,7 +44,9 @@ def print_result(path: str) -> None:
     )
     limit = judge(config, campaign.responses(best.candidate)).limit
     said = [limit.sentence] if limit is not None else []
-    for line in [*said, *missing_lines(references.missing), *trouble_lines(read_standing(path))]:
+    judged = {name: judge(config, response).g_cm_s for name, (_, response) in references.responses.items()}
+    beaten = beaten_lines(float(record["g_cm_s"]), judged)
+    for line in [*said, *beaten, *missing_lines(references.missing), *trouble_lines(read_standing(path))]:
         print(line)
     openings = read_opening(path, best.candidate)
     if openings is not None:

@@ -15,15 +15,26 @@ PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
 @click.command(epilog="\b\nExamples:\n  softclose populations\n  softclose populations mine.toml current --json")
 @click.argument("names", nargs=-1, metavar="[NAME|TOML]...")
 @click.option("--plate-area", type=float, help="Plate area [µm²], for pull-in [that of the fit, else 16700].")
+@click.option(
+    "--modes",
+    type=click.Path(dir_okay=False),
+    help="TOML file of a reduced-order model: pull-in voltages are those of that model, not Eq. 3.",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
-def populations(names: tuple[str, ...], plate_area: float | None, as_json: bool) -> None:
+def populations(names: tuple[str, ...], plate_area: float | None, modes: str | None, as_json: bool) -> None:
     """Ranges, means and pull-in voltages of populations, beside what the published study prints of them."""
+    from softclose.device.told import closing_summary
     from softclose.population import UNITS, load_population, population_names
+    from softclose.switch.reduced_order import read_reduced_order
     from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.plain import json_text
 
     loaded = {name: load_population(name) for name in names or population_names()}
     summaries = {name: p.summary(plate_area) for name, p in loaded.items()}
+    if modes is not None:
+        model = read_reduced_order(modes)
+        for name, population in loaded.items():
+            summaries[name] |= closing_summary(population, model, population.plate_area(plate_area))
     if as_json:
         click.echo(json_text(summaries))
         return

@@ -10,7 +10,7 @@ from softclose.metrics.objective import Assessment
 from softclose.opening import Opening
 from softclose.propose.origins import label_of
 from softclose_workflows.analyses.certify import Certification
-from softclose_workflows.analyses.references import missing_lines
+from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.tell.labels import interval, number, percent, percent_interval, pulse_lines
 from softclose_workflows.tell.tables import beside
@@ -32,7 +32,8 @@ def headline(data: ReportData) -> dict[str, Any]:
     a = designs[0].assessment
     compared = [
         f"{100.0 * (1.0 - a.v_u_cm_s / d.assessment.v_u_cm_s):.0f}\u202f% below the {d.name} "
-        f"({number(d.assessment.v_u_cm_s)} cm/s)"
+        f"({number(d.assessment.v_u_cm_s)} cm/s, which leaves {percent(d.assessment.p_nc, 1)} of the switches open, "
+        f"this one {percent(a.p_nc, 1)})"
         for d in designs[1:]
         if math.isfinite(a.v_u_cm_s) and a.v_u_cm_s < d.assessment.v_u_cm_s
     ]
@@ -41,7 +42,10 @@ def headline(data: ReportData) -> dict[str, Any]:
         "valid": a.intervals_valid,
         "n": a.n,
         "compared": " and ".join(compared),
-        "missing": missing_lines(data.judged_missing),
+        "missing": [
+            *beaten_lines(a.g_cm_s, {d.name: d.assessment.g_cm_s for d in designs[1:]}),
+            *missing_lines(data.judged_missing),
+        ],
         "confidence": 100.0 * a.confidence,
         "certified": None if certification is None else _certified(data, certification),
     }

@@ -1,0 +1,69 @@
+"""Claims about reference designs: they are of the campaign's model, they compete, and what has no difference is said."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from small_campaigns import finish
+from softclose.evaluate import draw, evaluate, judge, respond
+from softclose.metrics.paired import compare
+from softclose.settings import load_config
+from softclose.waveform import Pulse, Waveform
+from softclose_workflows.analyses.certified_tables import comparison_line, print_certification
+from softclose_workflows.analyses.certify import certify
+from softclose_workflows.analyses.references import beaten_lines, reference_designs
+from softclose_workflows.analyses.result import print_result
+from softclose_workflows.run.creation import create_store
+
+HARD = [[[0.0, 4.0, "hold", 149.0]]]
+"""A drive that slams: every reference is better."""
+
+
+def test_a_best_that_a_reference_beats_is_said_by_run_and_certify(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = load_config({
+        "campaign": {"budget": 2}, "population": {"n_switches": 60}, "optimiser": {"engine": "sobol"},
+        "waveform": {"initial": HARD * 2}, "store": {"n_times": 3},
+    })  # fmt: skip
+    path = tmp_path / "a.zarr"
+    create_store(config, str(path))
+    finish(path)
+    print_result(str(path))
+    said = capsys.readouterr().out
+    assert "the unshaped design is better than the best candidate (g" in said
+    assert "give the search more candidates" in said
+    print_certification(certify(str(path), n_switches=100, top=1))
+    assert "the deterministic design is better than the best candidate" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_best_that_is_better_or_a_reference_without_an_objective_says_nothing() -> None:
+    assert beaten_lines(10.0, {"unshaped": 40.0, "deterministic": math.nan}) == []
+    assert len(beaten_lines(41.0, {"unshaped": 40.0, "deterministic": 50.0})) == 1
+
+
+@pytest.mark.parametrize("preset", ["current-damped", "current-two-modes", "current"])
+def test_the_deterministic_design_closes_most_of_the_lot_in_the_model_that_it_is_for(preset: str) -> None:
+    """That of an ideal plate left 84 to 100 % of damped lots open."""
+    config = load_config(preset)
+    found = reference_designs(config)
+    assert found.missing == {}
+    lot = draw(config, 200, seed=3)
+    assert evaluate(config, lot, found.designs["deterministic"]).p_nc < 0.1
+
+
+def test_a_difference_that_does_not_exist_is_words_and_no_nan() -> None:
+    config = load_config({})
+    lot = draw(config, 60, seed=1)
+    pair = [
+        (r := respond(config, lot, Waveform([Pulse(0.0, 4.0, np.inf, volts)])), judge(config, r))
+        for volts in (100.0, 20.0)
+    ]
+    line = comparison_line(compare(pair[0], pair[1]))
+    assert "nan" not in line
+    assert "no difference of v_u, since too few switches touch" in line
+    assert "no switch touches under both" in line
