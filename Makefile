@@ -72,7 +72,7 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 	@echo docs/_build/html/index.html
 
 long: env-test  ## tests that take minutes, which `make test` leaves out
-	$(BIN)/python -m pytest -m long
+	$(BIN)/python -m pytest -m long --numprocesses $(TESTERS) --dist worksteal
 
 torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
 	PYTHONPATH=tests $(BIN)/python -m torture --rounds 200

@@ -368,9 +368,16 @@ def test_metadata_of_a_group_and_their_copy_give_each_other_back_and_without_bot
         assert contents(finished) == contents(original)
     own.write_bytes(b"")
     copy.write_bytes(b"")
-    done = repair(finished, recompute())
+    done = repair(finished, recompute(group=lambda path, name: "its name does not say enough"))
     assert not done.ok
     assert done.failed[0].endswith(f"delete {finished}/{GROUP} and make it again")
+    shutil.copytree(finished, finished.with_name("other.zarr"))
+    shutil.rmtree(finished / GROUP)  # as it says
+    assert verify(finished).ok
+    done = repair(finished.with_name("other.zarr"), recompute())  # one whose name says all of it
+    assert done.ok
+    assert "of whose metadata nothing was left, computed again" in done.unproved[0]
+    assert contents(finished.with_name("other.zarr")) == contents(original)
 
 
 def test_metadata_of_another_group_are_none_of_a_groups_own(finished, original):
@@ -482,3 +489,18 @@ def test_a_group_made_again_is_proved_only_where_it_is_the_same(finished):
     done = repair(finished, recompute(group=other))
     assert done.ok
     assert (done.proved, done.unproved) == ((), ("group certification/one computed again",))
+
+
+def test_digests_of_other_candidates_are_written_again_where_the_values_prove_themselves(finished):
+    """Both are whole files: what is computed again says which of the two is foreign."""
+    before = contents(finished)
+    file = finished / "digests" / "c.0.0"
+    stored = zarr.open_array(finished / "digests", mode="r+")
+    stored[...] = np.roll(stored[...], 1, axis=0)
+    assert file.read_bytes() != before["digests/c.0.0"]
+    with pytest.raises(DamageError, match="the record of candidate 0 is damaged"):
+        open_campaign(finished).records()
+    mended = repair(finished, recompute())
+    assert mended.ok
+    assert not mended.unproved
+    assert contents(finished) == before

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softclose_store.disk.files import StorePath
 from softclose_store.read.blocks import markers_digest
-from softclose_store.read.table import MARKERS, RECORD
+from softclose_store.read.table import FAILURE, MARKERS, RECORD
 from softclose_store.schema.fields import DIGESTS
 from softclose_store.schema.opening import write_root
 from softclose_store.write.driver import Block, DriverStore
@@ -81,15 +81,23 @@ class RepairStore(DriverStore):
         surrogate = dict(row.get("surrogate") or {})
         self._hyperparameters += [name for name in surrogate if name not in self._hyperparameters]
 
-    def restore_proposal(self, i: int, row: Mapping[str, Any]) -> int:
-        """Set the proposal of candidate i in memory only, for a repair; returns its digest."""
-        check_names(row, PROPOSED)
-        return set_proposal(self._table, i, row, self._hyperparameters)
+    def restore_proposal(self, i: int, row: Mapping[str, Any]) -> tuple[int, bool]:
+        """Set the proposal of candidate i in memory only, for a repair.
 
-    def restore_record(self, i: int, row: Mapping[str, Any], wave: int) -> int:
-        """Set the record of candidate i in memory only, for a repair; returns its digest."""
+        Returns its digest, and whether these values were there already: then it was the digest that was damaged.
+        """
+        check_names(row, PROPOSED)
+        before = self._table.proposal_digest(i)
+        found = set_proposal(self._table, i, row, self._hyperparameters)
+        return found, found == before
+
+    def restore_record(self, i: int, row: Mapping[str, Any], wave: int) -> tuple[int, bool]:
+        """Set the record of candidate i in memory only, for a repair; returns the same of it."""
         check_names(row, ASSESSED)
-        return set_result(self._table, i, row, wave, self.candidate_markers(i))
+        at = self.layout.n_proposal_fields
+        before = self._table.records[i, at:].tobytes(), str(self._table.words[i, FAILURE])
+        found = set_result(self._table, i, row, wave, self.candidate_markers(i))
+        return found, before == (self._table.records[i, at:].tobytes(), str(self._table.words[i, FAILURE]))
 
     def restore_timings(self, i: int) -> None:
         """Set the timings of candidate i to nothing in memory, for a repair: they are lost."""

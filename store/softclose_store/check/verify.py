@@ -348,17 +348,20 @@ def _check_row_of_blocks(check: _Check, table: Table, reader: BlockReader, stage
             if key not in check.keys:
                 check.add("block", f"{key} is missing", key=key, block=block)
         _check_block(check, reader, block, proposals if trusted else None, "block")
-    if len(check.problems) > before or not intact:
+    if not intact or not columns:
         return
     markers = np.stack([reader.marker(stage.name, i, j) for j in columns])
-    for k in intact:
-        if markers_digest(markers, k) != int(table.digests[k, MARKERS]):
-            for j in range(len(markers)):
-                what = f"the marker of block ({i}, {j}) of stage {stage.name} is not that of candidate {k}'s record"
-                check.add(
-                    "block", what, key=list(block_keys(table.layout, stage.name, i, j))[-1], block=(stage.name, i, j)
-                )
-            return
+    foreign = next((k for k in intact if markers_digest(markers, k) != int(table.digests[k, MARKERS])), None)
+    if foreign is None or not markers.all():
+        return
+    # Where data differ from their marker, that one is foreign; where none do, any of the row's may be.
+    differing = sorted({p.block[2] for p in check.problems[before:] if p.block is not None})
+    told = []
+    for j in differing or columns:
+        key = list(block_keys(table.layout, stage.name, i, j))[-1]
+        what = f"{key}, the marker of block ({i}, {j}), is not that of candidate {foreign}'s record"
+        told.append(Damage(kind="block", what=what, key=key, block=(stage.name, i, j)))
+    check.problems[before:before] = told
 
 
 def _check_block(check: _Check, reader: BlockReader, block: BlockOf, proposals: int | None, kind: Kind) -> None:
@@ -443,7 +446,8 @@ def _check_files(check: _Check, keys: list[str], layout: Layout, n: int) -> None
     for key in keys:
         if key in check.expected or is_partial(key) or _may_be_pending(layout, key, n) or _holds_nothing(check, key):
             continue
-        check.add("unknown", f"{key} does not belong to this store", key=key)
+        shown = key if key.isprintable() else ascii(key)  # a terminal would take a control character for an instruction
+        check.add("unknown", f"{shown} does not belong to this store", key=key)
 
 
 def _holds_nothing(check: _Check, key: str) -> bool:

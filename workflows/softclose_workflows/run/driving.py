@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -16,7 +17,7 @@ from softclose.settings import CampaignConfig
 from softclose_store import DamageError, DriverStore, StoreError, finish_extension, open_campaign, store_state, verify
 from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
 from softclose_workflows.run.campaign import Driver
-from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.creation import create_store, layout_of
 from softclose_workflows.run.executors import Placement, open_executor
 from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.needs import check_run
@@ -62,6 +63,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
             if config is not None and is_new:
                 create_store(config, path)
             store = stack.enter_context(DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock))
+            _check_sizes(store, whole, path)
             say_changes(open_campaign(path).runtime)
             store.note_run(runtime() | {"workers": executor.n_workers})
             if executor.dashboard and not quiet:
@@ -73,6 +75,16 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
             _check_whole(path)
         if whole.opening.is_designed:
             design_at_the_end(path, threads=n_cores())
+
+
+def _check_sizes(store: DriverStore, config: CampaignConfig, path: str) -> None:
+    """Raise DamageError where a store has not the sizes that follow from its configuration."""
+    said, follows = store.layout, layout_of(config)
+    if replace(said, table_chunk=1).to_dict() != replace(follows, table_chunk=1).to_dict():
+        raise DamageError(
+            f"zarr.json of {path} says other sizes than follow from the configuration in it, {said.to_dict()} instead "
+            f"of {follows.to_dict()}: it was made up, or by another version; run `softclose verify {path} --repair`"
+        )
 
 
 @contextlib.contextmanager
