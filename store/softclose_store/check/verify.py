@@ -19,6 +19,7 @@ from softclose_store.groups import group_problems, parents_of, result_groups
 from softclose_store.read.arrays import UNREADABLE, described, read_array, read_shape
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import DescribedFiles, never
+from softclose_store.read.metadata import is_as_created
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
 from softclose_store.schema import digests
 from softclose_store.schema.fields import N_SURROGATE
@@ -130,7 +131,9 @@ def _check_number(check: _Check, read: DescribedFiles, layout: Layout, root: Roo
     found = remains(read, layout, check.keys)
     if "root" in {p.kind for p in check.problems} and not _reads(check.files, check.where):
         return found.n
-    if found.n_waves > root.n_waves + 1:  # one more is what a run leaves that was killed before its commit
+    if found.n_waves > root.n_waves + 1 or (
+        found.n_waves and is_as_created(check.files, root)
+    ):  # one more is what a run leaves that was killed before its commit
         what = f"it says {root.n_waves} waves, the records say {found.n_waves}: it is of an earlier time"
         check.add("root", what, key=ROOT_KEY)
     most = most_rows(layout, check.keys)

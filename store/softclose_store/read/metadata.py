@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from zarr.abc.store import Store
+
 from softclose_store.disk.files import look_at
 from softclose_store.read.described import DescribedFiles
 from softclose_store.schema.hierarchy import metadata_digest
 from softclose_store.schema.root import RUNTIME_KEY, Root
+from softclose_store.schema.texts import read_json
 
 
 def check_metadata(files: DescribedFiles, root: Root) -> None:
@@ -15,3 +18,16 @@ def check_metadata(files: DescribedFiles, root: Root) -> None:
     if metadata_digest(contents) != root.attributes["metadata_digest"]:
         wrong = [key for key in keys if contents[key] != files.documents[key]] or keys
         raise files.damage(wrong[0], "is not what was written" if contents[wrong[0]] else "is missing, or no file")
+
+
+def is_as_created(files: Store, root: Root) -> bool:
+    """Whether the root tells of no run where the group `runtime` does.
+
+    A run is noted in both before it stores anything. A root like that beside rows of candidates is the creation's own, put in the place of a later one.
+    """
+    if root.n_committed or root.metadata["runtime"]["attributes"].get("runs"):
+        return False
+    try:
+        return bool(read_json(look_at(files, RUNTIME_KEY) or b"")["attributes"].get("runs"))
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return False
