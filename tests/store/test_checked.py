@@ -10,8 +10,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from small_store import block, create, proposal, record, run
-from softclose_store import DamageError, DriverStore, Layout, StageLayout, open_campaign, proposals_digest, write_block
+from small_store import block, create, proposal, recompute, record, run
+from softclose_store import (
+    DamageError,
+    DriverStore,
+    Layout,
+    StageLayout,
+    open_campaign,
+    proposals_digest,
+    repair,
+    verify,
+    write_block,
+)
 from softclose_store.read import checked
 
 WIDE = StageLayout(name="search", n_candidates=4, n_switches=16_640, block_candidates=2, block_switches=8_320)
@@ -178,6 +188,21 @@ def test_a_root_of_an_earlier_time_is_told_by_the_tables(store: Path) -> None:
         DamageError, match=r"zarr.json of .* is of an earlier time: it says 0 waves, and the tables have 4"
     ):
         open_campaign(store).records()
+
+
+def test_a_root_of_the_creation_is_told_by_the_run_that_was_noted_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.zarr"
+    create(path)
+    with DriverStore(path) as store:
+        store.note_run({"host": "here"})
+    run(path, 4)  # one wave: the tables alone could be those of a run that was killed before its commit
+    later = (path / "zarr.json").read_bytes()
+    (path / "zarr.json").write_bytes((path / "digests" / "root.json").read_bytes())
+    with pytest.raises(DamageError, match=r"zarr.json of .* is of an earlier time"):
+        open_campaign(path).records()
+    assert any("it is of an earlier time" in str(p) for p in verify(path).problems)
+    assert repair(path, recompute()).ok
+    assert (path / "zarr.json").read_bytes() == later
 
 
 def test_a_view_that_was_opened_before_further_waves_is_as_it_was(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ def check_metadata(files: DescribedFiles, root: Root) -> None:
 def is_as_created(files: Store, root: Root) -> bool:
     """Whether the root tells of no run where the group `runtime` does.
 
-    A run is noted in both before it stores anything. A root like that beside rows of candidates is the creation's own, put in the place of a later one.
+    A run is noted in both before it stores anything: beside rows of candidates such a root is the creation's own, put
+    in the place of a later one.
     """
     if root.n_committed or root.metadata["runtime"]["attributes"].get("runs"):
         return False
