@@ -23,7 +23,7 @@ CURRENT = load_population("current")
 def _linear(config: object, lot: Lot, waveform: object) -> Any:
     """V = D + 2 G, closed where D is below its median: a model with known indices."""
     d, g = lot["D"], lot["G"]
-    return SimpleNamespace(max_contact_speed=d + 2.0 * g, closed=d < 2.42)
+    return SimpleNamespace(max_contact_speed=d + 2.0 * g, closed=d < 2.42, status=np.zeros(len(d)))
 
 
 def test_indices_of_an_additive_model_are_its_variance_shares(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,7 +43,8 @@ def test_indices_of_an_additive_model_are_its_variance_shares(monkeypatch: pytes
 def test_a_switch_that_never_touches_counts_as_0_and_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def sometimes(config: object, lot: Lot, waveform: object) -> Any:
         touches = lot["G"] < 3.67
-        return SimpleNamespace(max_contact_speed=np.where(touches, 0.2, np.nan), closed=np.ones(len(lot), bool))
+        v = np.where(touches, 0.2, np.nan)
+        return SimpleNamespace(max_contact_speed=v, closed=np.ones(len(lot), bool), status=np.zeros(len(lot)))
 
     monkeypatch.setattr(module, "respond", sometimes)
     s = sensitivity(CURRENT, unshaped(), n=256, n_replicates=3)
@@ -96,7 +97,7 @@ def test_what_conditions_draw_has_indices_too(monkeypatch: pytest.MonkeyPatch) -
 
     def additive(config: object, lot: Lot, waveform: object) -> Any:
         v = lot["gain"] - 1.0 + 3.0 * (lot["clock"] - 1.0) + 1e-4 * lot["celsius"]
-        return SimpleNamespace(max_contact_speed=v, closed=lot["gain"] < 1.0)
+        return SimpleNamespace(max_contact_speed=v, closed=lot["gain"] < 1.0, status=np.zeros(len(lot)))
 
     monkeypatch.setattr(module, "respond", additive)
     s = sensitivity(CURRENT, unshaped(), n=512, n_replicates=4, config=config)
