@@ -6,6 +6,7 @@ import csv
 import io
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,8 @@ from softclose.switch.reduced_order import ReducedOrderError, read_reduced_order
 from softclose_workflows.cli import main
 from softclose_workflows.exports.tables import cell
 from softclose_workflows.tell.console import stacked
+from softclose_workflows.tell.standing import read_standing
+from softclose_workflows.tell.tables import print_standing
 from softclose_workflows.terminal import plain_console, visible
 
 NASTY = "lot 7 [/old] [bold]x[/bold] :smile: \x1b]0;title\x07\x1b[2J\u202egnp.exe \x9b31m"
@@ -179,3 +182,18 @@ def test_keys_do_not_go_into_a_store_or_a_folder_of_others(store: str, tmp_path:
     (tmp_path / "new").mkdir()
     _run("certificates", tmp_path / "new")
     assert "holds a key already" in _run("certificates", tmp_path / "new", code=2)
+
+
+def test_a_path_that_cannot_be_is_bad_input() -> None:
+    for command in (["status"], ["run", "current", "--serial", "--store"]):
+        assert "File name too long" in _run(*command, "x" * 300 + ".zarr", code=2)
+        assert "is a URL of an archive; give the path of the file" in _run(*command, "zip://x", code=2)
+
+
+def test_a_campaign_of_which_all_failed_says_how_it_is_tried_again(
+    store: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    standing = read_standing(store)
+    for failed, told in ((standing.committed, True), (standing.committed - 1, False)):
+        print_standing(replace(standing, failed=failed, best=None, reason="no license"))
+        assert ("--retry-failed" in capsys.readouterr().out) == told

@@ -27,6 +27,10 @@ class BenchError(ValueError):
     """A measurement that does not belong to its campaign, or a question that it cannot answer."""
 
 
+class PlaceError(ValueError):
+    """A path that no disk can have: its name is too long, or its links lead in a circle."""
+
+
 class Stopped(RuntimeError):
     """The campaign stopped before its end; what is committed is whole, and `resume` continues from there."""
 
@@ -45,4 +49,6 @@ def machine_faults() -> Iterator[None]:
     except OSError as e:
         if e.errno == errno.EPIPE:  # whoever read our output is gone
             raise
+        if e.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+            raise PlaceError(f"{e.strerror}: {str(e.filename)[:120]}…; give another path") from e
         raise Stopped(f"the machine refuses ({type(e).__name__}: {e})") from e

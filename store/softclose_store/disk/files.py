@@ -182,8 +182,8 @@ ZIPPED = "is a zipped store, which can be read only; unzip it to go on with it"
 
 
 def is_zip(local: Path) -> bool:
-    """Whether a local store is one file, as it travels."""
-    return local.suffix == ".zip" and local.is_file()
+    """Whether a local store is one file, as it travels: also as archivers of other systems spell its ending."""
+    return local.suffix.lower() == ".zip" and local.is_file()
 
 
 def open_files(path: StorePath, *, read_only: bool, durable: bool = False, blind: bool = False) -> Store:
@@ -197,6 +197,8 @@ def open_files(path: StorePath, *, read_only: bool, durable: bool = False, blind
         return zipped
     if local is not None:
         return LocalFiles(local, read_only=read_only, durable=durable, blind=blind)
+    if normalised(path).startswith(("zip:", "tar:", "libarchive:")):
+        raise StoreError(f"{path} is a URL of an archive; give the path of the file, such as runs/a.zip")
     if is_object_url(normalised(path)):
         return open_objects(normalised(path), read_only=read_only)
     try:

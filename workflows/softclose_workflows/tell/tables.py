@@ -135,6 +135,8 @@ def print_standing(standing: Standing) -> None:
     best = standing.best
     if best is None:
         console.print("no usable candidate yet")
+        if standing.failed and standing.failed == standing.committed:
+            console.print("all have failed; where their reason is mended: softclose resume STORE --retry-failed")
         return
     console.print(
         f"best: candidate {best.candidate}, g {best.g_cm_s:.2f} cm/s, v_u {_known(best.v_u_cm_s)} cm/s, "
