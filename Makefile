@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: help env env-test env-lint run test lint docs torture damage power-loss mutants clean
+.PHONY: help env env-test env-lint run test long wheel lint docs torture damage power-loss mutants clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/'
@@ -73,6 +73,19 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 
 long: env-test  ## tests that take minutes, which `make test` leaves out
 	$(BIN)/python -m pytest -m long --numprocesses $(TESTERS) --dist worksteal
+
+wheel: env  ## the wheel, installed elsewhere: a small run and its report from an empty folder
+	rm -rf build/wheel && mkdir -p build/wheel/empty
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/wheel .
+	$(PYTHON) -m venv build/wheel/venv
+	build/wheel/venv/bin/python -m pip install --quiet --constraint constraints.txt build/wheel/*.whl
+	cd build/wheel/empty && env -u PYTHONPATH ../venv/bin/softclose run current --store a.zarr --serial --quiet --set campaign.budget=6 \
+	  --set optimiser.n_initial=4 --set population.n_switches=50 --set store.n_times=21
+	cd build/wheel/empty && env -u PYTHONPATH ../venv/bin/softclose run cantilever --store b.zarr --serial --quiet --set explore.budget=16 \
+	  --set explore.n_descents=1 --set explore.n_scouts=8 --set explore.generation=4 --set finish.budget=0 \
+	  --set population.n_switches=50 --set opening.brake=0
+	cd build/wheel/empty && env -u PYTHONPATH ../venv/bin/softclose report a.zarr -o a.html && test -s a.html
+	@echo the wheel runs from an empty folder
 
 torture: env-test  ## 200 kills at random instants, each resumed and compared bit for bit
 	PYTHONPATH=tests $(BIN)/python -m torture --rounds 200

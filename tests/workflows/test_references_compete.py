@@ -1,4 +1,4 @@
-"""Claims about reference designs: they are of the campaign's model, they compete, and what has no difference is said."""
+"""Claims about reference designs: of the campaign's model, and competing; what has no difference is said."""
 
 from __future__ import annotations
 
