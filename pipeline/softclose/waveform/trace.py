@@ -69,12 +69,12 @@ class Trace:
         return self.times_us[self.times_us <= horizon_us]
 
     def max_voltage(self, horizon_us: float = 250.0) -> float:
-        """Largest |u| over [0, horizon] [V]."""
+        """Largest magnitude of the voltage over [0, horizon] [V]."""
         inside = np.abs(self.volts[self.times_us <= horizon_us])
         return float(max(inside.max(), abs(float(self.voltage(horizon_us)))))
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
-        """Make sure that |u| stays within a limit.
+        """Make sure that the magnitude of the voltage stays within a limit.
 
         Parameters
         ----------
