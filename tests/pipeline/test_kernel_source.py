@@ -87,6 +87,15 @@ def test_the_generator_s_constants_set_the_degree_and_the_number_of_terms(order:
         rows = np.empty((2, 1, 1))
         made["sample"](series, 3.0, np.array([3.0 + h]), 0, 1, 0, rows[0], rows[1])
         np.testing.assert_allclose(rows[:, 0, 0], [x, v], rtol=1e-12)
+        # In single precision, in whole blocks where the row has room, else one by one.
+        instants = 3.0 + h * np.linspace(0.0, 1.0, 2 * made["LANES"] + 3)
+        exact = np.array([made["evaluate"](series, t - 3.0) for t in instants]).T
+        for first, stop in ((0, 5), (0, made["LANES"] + 1), (made["LANES"], len(instants))):
+            x32, v32 = np.full((2, 1, len(instants)), np.nan, dtype=np.float32)
+            made["sample_single"](series, 3.0, instants, first, stop, 0, x32, v32)
+            np.testing.assert_allclose(x32[0, first:stop], exact[0, first:stop], rtol=5e-7)
+            np.testing.assert_allclose(v32[0, first:stop], exact[1, first:stop], rtol=2e-6)
+            assert np.isnan(x32[0, :first]).all()
     still = made["flight_constant"](x0, v0, 50.0, gap, c, k)
     np.testing.assert_allclose(still, made["flight_driven"](x0, v0, made["constant"](50.0), gap, c, k), rtol=1e-12)
 

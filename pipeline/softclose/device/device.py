@@ -104,7 +104,7 @@ class Device:
             form: AnyDrive | None = command
             if not as_commanded and delivery is not None and isinstance(command, Waveform):
                 form = delivery.closed_form(command)
-            if self.name == SINGLE_MODE and self.method == "taylor" and form is not None:
+            if self.method == "taylor" and form is not None and self._in_series():
                 return simulate(switches, form, drive_volts=volts, drive_times=times)
         return drive_by_drive(simulate, switches, drives, horizon_us=self.horizon_us, times_us=outputs.get("times_us"))
 
@@ -159,6 +159,14 @@ class Device:
             f"the device model {self.name!r} leaves {int((~np.isfinite(first)).sum())} of {len(table)} switches open "
             f"on a ramp up to {volts:.4g} V: there is no pull-in voltage to scale drives by"
         )
+
+    def _in_series(self) -> bool:
+        """Whether a Taylor kernel simulates it, which scales the command of each switch itself."""
+        if self.name not in (SINGLE_MODE, REDUCED_ORDER):
+            return False
+        from softclose.kernel.dispatch import in_series  # here: whoever only reads a configuration needs no compiler
+
+        return in_series(self.modes, self.losses)
 
     def _own(self) -> dict[str, Any]:
         """What only the shipped models take: losses where there are any, and modes."""

@@ -41,6 +41,8 @@ from numba import njit
 
 ORDER = {order}
 TERMS = {terms}
+LANES = 16
+"""Samples that are computed together in single precision."""
 # Sums may be reordered by the compiler, once for all: each switch runs this same scalar code wherever it stands.
 # Reordered sums need one copy of the code: everything is inlined into the entry point (`forceinline`). Where a function
 # was compiled by itself too, the process that compiled ran another copy than those that loaded the cache: other bits.
@@ -328,6 +330,26 @@ def sample(order: int) -> str:
     return function("sample", "x, t, times, first, stop, i, x_out, v_out", doc, lines)
 
 
+def sample_single(order: int) -> str:
+    doc = "`sample` in single precision, in whole blocks of LANES: what is written beyond `stop` is overwritten later."
+    lines = [unpack(xs(order), "x")]
+    lines += [f"    f{n} = np.float32(x{n})" for n in range(order + 1)]
+    lines += [f"    d{n} = np.float32({float(n)} * x{n})" for n in range(2, order + 1)]
+    lines += ["    whole = first", "    while whole < stop and whole + LANES <= x_out.shape[1]:"]
+    velocities = ["f1", *(f"d{n}" for n in range(2, order + 1))]
+    for indent, index in ((12, "whole + m"), (8, "whole")):
+        pad = " " * indent
+        if indent == 12:
+            lines += ["        for m in range(LANES):"]
+        else:
+            lines += ["        whole += LANES", "    while whole < stop:"]
+        lines += [f"{pad}j = np.uintp({index})", f"{pad}s = np.float32(times[j] - t)"]
+        lines += [*chain("y", [f"f{n}" for n in range(order + 1)], "s", pad), f"{pad}x_out[i, j] = y"]
+        lines += [*chain("y", velocities, "s", pad), f"{pad}v_out[i, j] = y"]
+    lines.append("        whole += 1")
+    return function("sample_single", "x, t, times, first, stop, i, x_out, v_out", doc, lines)
+
+
 def constant(order: int) -> str:
     lines = [listing("return ", ["u", *["0.0"] * (order - 2)])]
     return function("constant", "u", "Coefficients of a constant voltage.", lines)
@@ -418,7 +440,7 @@ def bounce_duration(terms: int) -> str:
 def render(order: int = ORDER, terms: int = TERMS) -> str:
     """The whole module for a polynomial of degree `order` (6 or more) and `terms` terms of a bounce (3 or more)."""
     motion = [flight(False, order), flight(True, order), constant(order), drive(order)]
-    reading = [evaluate(order), bend(order), descent(order), sample(order)]
+    reading = [evaluate(order), bend(order), descent(order), sample(order), sample_single(order)]
     return "".join(
         [HEADER.format(order=order, terms=terms), *motion, *reading, flight_time(terms), bounce_duration(terms)]
     )

@@ -2,32 +2,47 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
-from softclose.kernel.series import sample
+from softclose.kernel.series import sample, sample_single
+
+
+@njit(error_model="numpy", forceinline=True)
+def stop_at(times, first, until):  # type: ignore[no-untyped-def]
+    """One past the last sample from `first` on that is not after `until`."""
+    stop = first
+    while stop + 8 <= times.shape[0] and times[stop + 7] <= until:
+        stop += 8
+    while stop < times.shape[0] and times[stop] <= until:
+        stop += 1
+    return stop
+
+
+@njit(error_model="numpy", forceinline=True)
+def _fill(values, row, first, stop, value):  # type: ignore[no-untyped-def]
+    for m in range(stop - first):
+        values[row, np.uintp(first + m)] = value
 
 
 @njit(error_model="numpy", inline="always")
 def write(row, first, stop, x, v, x64, v64, x32, v32):  # type: ignore[no-untyped-def]
     """One position and velocity at samples first..stop-1."""
-    for j in range(first, stop):
-        if x64.shape[1] > 0:
-            x64[row, j] = x
-            v64[row, j] = v
-        else:
-            x32[row, j] = x
-            v32[row, j] = v
+    if x64.shape[1] > 0:
+        _fill(x64, row, first, stop, x)
+        _fill(v64, row, first, stop, v)
+    else:
+        _fill(x32, row, first, stop, np.float32(x))
+        _fill(v32, row, first, stop, np.float32(v))
 
 
 @njit(error_model="numpy", inline="always")
 def sample_until(series, t, until, times, first, row, x64, v64, x32, v32):  # type: ignore[no-untyped-def]
     """Sample the polynomial that starts at t up to `until`; the number of samples written so far."""
-    stop = first
-    while stop < times.shape[0] and times[stop] <= until:
-        stop += 1
+    stop = stop_at(times, first, until)
     if stop > first:
         if x64.shape[1] > 0:
             sample(series, t, times, first, stop, row, x64, v64)
         else:
-            sample(series, t, times, first, stop, row, x32, v32)
+            sample_single(series, t, times, first, stop, row, x32, v32)
     return stop

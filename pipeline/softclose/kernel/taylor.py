@@ -21,7 +21,7 @@ from softclose.kernel.expansion import expand, short, steady
 from softclose.kernel.pieces import COSINES, DECAYING, deliver, voltage
 from softclose.kernel.release import release_time
 from softclose.kernel.results import store
-from softclose.kernel.samples import sample_until, write
+from softclose.kernel.samples import sample_until, stop_at, write
 from softclose.kernel.series import ORDER, TERMS, bend, bounce_duration, evaluate, flight_time
 from softclose.kernel.source import UNCOUNTED, fingerprint
 from softclose.kernel.step import radius, step_size
@@ -99,9 +99,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 elif abs(pieces[i, 2]) >= hold_voltage:
                     t = end
                 if i_time < n_times:
-                    stop = i_time
-                    while stop < n_times and times[stop] <= t:
-                        stop += 1
+                    stop = stop_at(times, i_time, t)
                     write(row, i_time, stop, travel, 0.0, x64, v64, x32, v32)
                     i_time = stop
                 if t < end:

@@ -21,7 +21,7 @@ from softclose.kernel.expansion import drive_series, expand
 from softclose.kernel.modes_series import at_rest, blend, press, press_under, two, two_film
 from softclose.kernel.pieces import DECAYING, deliver, voltage
 from softclose.kernel.results import store
-from softclose.kernel.samples import sample_until, write
+from softclose.kernel.samples import sample_until, stop_at, write
 from softclose.kernel.series import ORDER, bend, constant, evaluate
 from softclose.kernel.source import UNCOUNTED, fingerprint
 from softclose.kernel.step import step_of, step_size
@@ -157,9 +157,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 if tau >= 0.0:
                     h, t_next = tau, min(t + tau, end)
                 if i_time < n_times:
-                    stop = i_time
-                    while stop < n_times and times[stop] <= t_next:
-                        stop += 1
+                    stop = stop_at(times, i_time, t_next)
                     write(row, i_time, stop, travel, 0.0, x64, v64, x32, v32)
                     i_time = stop
                 x, v = evaluate(series, h)

@@ -1,7 +1,7 @@
 """How often does each interval that Softclose prints hold what it is about? Prints tables of coverage.
 
-python benchmarks/coverage.py                        # everything, 10,000 repetitions
-python benchmarks/coverage.py figures --repetitions 500
+python benchmarks/interval_coverage.py                        # everything, 10,000 repetitions
+python benchmarks/interval_coverage.py figures --repetitions 500
 
 Every interval comes from the function that the commands print it from; truths are closed forms or quadratures of the
 quantile functions. A cell in brackets: the group that matters is smaller than `unseen_share(n)`, so that it can be
