@@ -305,9 +305,7 @@ def replicated(name: str, n: int, repetitions: int, n_truth: int = 2**19) -> dic
 
 def _print_replicated(repetitions: int) -> None:
     """As many repetitions as 2.5 million switches a cell allow, and no more than asked for."""
-    print(
-        "\n## Sixteen scramblings: coverage, width and (one Sobol sample's) spread over Monte Carlo's\n"
-    )
+    print("\n## Sixteen scramblings: coverage, width and (one Sobol sample's) spread over Monte Carlo's\n")
     print("| waveform | N | repetitions | " + " | ".join(REPLICATED) + " |")
     print("| --- | ---: | ---: |" + " ---: |" * len(REPLICATED))
     for name in WAVEFORMS:

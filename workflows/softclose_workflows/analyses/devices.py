@@ -15,6 +15,9 @@ from softclose_workflows.tell.console import Step
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import with_interval
 
+FEW = 30
+"""Devices below which the intervals are said to be what they are (docs/measurements/coverage.md)."""
+
 
 def propagate(
     path: str,
@@ -66,6 +69,11 @@ def said(chosen: Chosen, found: Propagated) -> list[str]:
         low, high = found.interval(name)
         lines.append(
             f"  {label:11} {with_interval(value, *by_switches, digits)}   {low:.{digits}f} – {high:.{digits}f}"
+        )
+    if found.n_devices < FEW:
+        lines.append(
+            f"{found.n_devices} devices are few: of 40 sets of 12 without known bounds the interval of v_u held for "
+            "all, that of p_nc for 34"
         )
     if found.n_failed:
         lines.append(f"{found.n_failed} of {len(found.p_nc)} draws of devices are no population and left out")
