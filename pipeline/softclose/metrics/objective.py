@@ -29,6 +29,7 @@ would have done is not known."""
 FORMS: tuple[str, ...] = ("penalty", "chance")
 Risk = Literal["quantile", "cvar"]
 RISKS: tuple[str, ...] = ("quantile", "cvar")
+SAMPLINGS: tuple[str, ...] = ("monte-carlo", "sobol", "replicated")
 LEAST_BEYOND = 5
 """Fewest draws beyond a speed that bound from above how far the rest go: with fewer, the interval is open above."""
 
@@ -216,8 +217,8 @@ def assess(
         For values outside these limits, or a response with unsuccessful switches.
     """
     _check(locals())
-    if sampling not in ("monte-carlo", "sobol"):
-        raise ObjectiveError(f"sampling is {sampling!r}; it must be monte-carlo or sobol")
+    if sampling not in SAMPLINGS:
+        raise ObjectiveError(f"sampling is {sampling!r}; it must be one of {', '.join(SAMPLINGS)}")
     speed, closed, n_failed = _arrays(response, closed_by_us)
     closing_us, closing_interval = _closing(response, level, confidence)
     n = speed.size
