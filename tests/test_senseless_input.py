@@ -122,7 +122,7 @@ def test_columns_of_a_data_frame_have_names() -> None:
 
 
 def test_a_way_of_sampling_is_known() -> None:
-    with pytest.raises(ObjectiveError, match="sampling is 'x'; it must be monte-carlo or sobol"):
+    with pytest.raises(ObjectiveError, match="sampling is 'x'; it must be one of monte-carlo, sobol, replicated"):
         assess(simulate(LOT, DRIVE, horizon_us=30.0), sampling="x")
 
 
