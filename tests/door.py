@@ -56,7 +56,8 @@ def _trimmed(path: Path) -> None:
 
 
 def _opening(path: Path) -> None:
-    make_campaign(path, *OPENING)
+    make_campaign(path, *OPENING, run=False)
+    finish(path)
     drive(str(path), Placement(serial=True), quiet=True)
 
 
@@ -331,11 +332,11 @@ def ask(case: Case, command: tuple[str, ...], out: Path) -> Result:
 
 
 def run_case(
-    case: Case, kind: str, damage: str, commands: dict[str, tuple[str, ...]], folder: Path, *, repair: bool = True
+    case: Case, kind: str, damage: str, commands: dict[str, tuple[str, ...]], *, repair: bool = True
 ) -> list[str]:
     """Everything that is wrong about the answers to one damage."""
     key = case.kinds[kind]
-    out, outside = folder / "out", folder / "outside"
+    out, outside = case.path.parent / "out", case.path.parent / "outside"  # answers name where they were written
     wrong = []
 
     def asked(name: str, command: tuple[str, ...], check: Callable[[Answer], str]) -> None:

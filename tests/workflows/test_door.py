@@ -42,19 +42,17 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Case]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_one_damaged_file_is_refused_by_name_or_makes_no_difference(
-    damage: str, certified: Case, tmp_path: Path
-) -> None:
+def test_one_damaged_file_is_refused_by_name_or_makes_no_difference(damage: str, certified: Case) -> None:
     kinds = [kind for kind in KINDS if kind in certified.kinds]
     at = list(DAMAGES).index(damage)
     commands = {name: (READING | WRITING)[name] for name in QUICK}
-    assert run_case(certified, kinds[(5 * at) % len(kinds)], damage, commands, tmp_path) == []
+    assert run_case(certified, kinds[(5 * at) % len(kinds)], damage, commands) == []
 
 
 @pytest.mark.long
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("sort", SORTS)
-def test_every_damage_of_every_file_of_every_sort(sort: str, cases: dict[str, Case], tmp_path: Path) -> None:
+def test_every_damage_of_every_file_of_every_sort(sort: str, cases: dict[str, Case]) -> None:
     """Every kind on each sort, every damage of each kind on one; the commands in turn."""
     assert set().union(*(case.kinds for case in cases.values())) == set(KINDS)
     case, wrong = cases[sort], []
@@ -64,9 +62,7 @@ def test_every_damage_of_every_file_of_every_sort(sort: str, cases: dict[str, Ca
             if (k + d) % 7 and sort != "certified":
                 continue  # a store with certificates has every kind but openings: all of it is done there
             chosen = [commands[(3 * k + 5 * d + n) % len(commands)] for n in range(2)]
-            wrong += run_case(
-                case, kind, damage, dict(chosen), tmp_path, repair=sort != "certified" or (k + d) % 2 == 0
-            )
+            wrong += run_case(case, kind, damage, dict(chosen), repair=sort != "certified" or (k + d) % 2 == 0)
     assert wrong == []
 
 
