@@ -1,6 +1,6 @@
 """Claims about every interval of a figure: it holds as often as it says, for hard distributions too.
 
-A small version of benchmarks/interval_coverage.py, whose 10,000 repetitions are in docs/measurements/coverage.md.
+A small version of benchmarks/interval_coverage.py, whose tables are in docs/measurements/coverage.md.
 """
 
 from __future__ import annotations

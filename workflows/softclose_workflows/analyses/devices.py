@@ -72,8 +72,8 @@ def said(chosen: Chosen, found: Propagated) -> list[str]:
         )
     if found.n_devices < FEW:
         lines.append(
-            f"{found.n_devices} devices are few: of 40 sets of 12 without known bounds the interval of v_u held for "
-            "all, that of p_nc for 34"
+            f"{found.n_devices} devices are few: of 80 sets of 12 without known bounds the interval of v_u held for "
+            "77, that of p_nc for 71"
         )
     if found.n_failed:
         lines.append(f"{found.n_failed} of {len(found.p_nc)} draws of devices are no population and left out")
