@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +15,14 @@ from campaigns import softclose
 from small_campaigns import COARSE, make_campaign
 from softclose import ModelError, Responses, Waveform, load_population, simulate
 from softclose.metrics.objective import CM_S, assess
-from softclose_store import open_campaign, verify
+from softclose_store import DriverStore, LockedError, OtherConfigurationError, faults, open_campaign, repair, verify
 from softclose_workflows import api
 from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import read_certification
+from softclose_workflows.analyses.recompute import recompute
 from softclose_workflows.api.bench import Bench
-from softclose_workflows.errors import BenchError
+from softclose_workflows.errors import BenchError, Stopped
+from softclose_workflows.run.measurements import commit_told
 
 LOT = load_population("current").sample(100, seed=99)
 DEVICES, FRESH = LOT[:20], LOT[20:]
@@ -37,6 +42,25 @@ def measure(waveform: Waveform, devices: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def begin(path: Path, budget: int = 7) -> Bench:
     return Bench(path, "current", devices=20, budget=budget, settings=SETTINGS)
+
+
+def content(store: Path) -> dict[str, bytes]:
+    """Every file of a store, but the lock and what says who runs it."""
+    kept = (p for p in store.rglob("*") if p.is_file() and p.name != "driver.lock")
+    return {str(p.relative_to(store)): p.read_bytes() for p in kept}
+
+
+def cut_at(monkeypatch: pytest.MonkeyPatch, name: str, passage: int, error: BaseException) -> None:
+    """Let the durability step `name` fail at its n-th passage, once."""
+    passed: Counter[str] = Counter()
+
+    def point(here: str) -> None:
+        passed[here] += 1
+        if here == name and passed[here] == passage:
+            raise error
+
+    monkeypatch.setattr(faults, "point", point)
+    monkeypatch.setenv(faults.VARIABLE, "by-hand")  # chunks are written in two parts only where a fault is asked for
 
 
 def finish(bench: Bench, n: int = 100) -> None:
@@ -174,3 +198,153 @@ def test_a_bench_needs_a_campaign_of_its_own(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="the responses of this campaign are measured"):
         api.run("current", tmp_path / "c.zarr", settings=("model.name=measured",), serial=True)
     assert not (tmp_path / "c.zarr").exists()
+
+
+STEPS = [name for name in faults.POINTS if name != "inside-creation"]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+    """The records of the small campaign that nothing has interrupted."""
+    store = tmp_path_factory.mktemp("whole") / "a.zarr"
+    with begin(store, 5) as bench:
+        finish(bench)
+    return open_campaign(store).records()
+
+
+class Interrupt(Exception):
+    """Stands for Ctrl-C, which pytest would heed."""
+
+
+def reopened(store: Path, bench: Bench) -> Bench:
+    bench.close()
+    return Bench(store)
+
+
+def same_bench(store: Path, bench: Bench) -> Bench:
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("cut", "again"),
+    [(Interrupt("stopped"), reopened), (OSError(errno.ENOSPC, "no space left"), same_bench)],
+    ids=["stopped", "full"],
+)
+@pytest.mark.parametrize("step", STEPS)
+def test_a_bench_cut_at_any_step_goes_on_as_if_it_had_not_been(
+    step: str,
+    cut: BaseException,
+    again: Callable[[Path, Bench], Bench],
+    whole: dict[str, np.ndarray],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    store = tmp_path / "a.zarr"
+    bench = begin(store, 5)
+    finish(bench, 3)
+    with monkeypatch.context() as patch:  # in the block or in the commit of the last candidate of the design
+        cut_at(patch, step, 1, cut)
+        with pytest.raises((Interrupt, OSError, Stopped)):
+            finish(bench, 1)
+    bench = again(store, bench)
+    stored = STEPS.index(step) >= STEPS.index("after-marker")
+    assert bench.ask().candidate == (4 if stored else 3)
+    finish(bench)
+    bench.close()
+    found = open_campaign(store).records()
+    for name in ("waveform", "g_cm_s", "origin"):
+        np.testing.assert_array_equal(found[name], whole[name])
+    assert verify(store).ok
+
+
+def test_opening_and_repair_commit_what_was_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = tmp_path / "a.zarr"
+    with begin(store, 4) as bench:
+        finish(bench, 3)
+        with monkeypatch.context() as patch:
+            cut_at(patch, "before-commit", 1, OSError(errno.ENOSPC, "no space left"))
+            with pytest.raises(Stopped, match="wave 0 could not be committed"):
+                finish(bench, 1)
+    assert open_campaign(store).committed == 0
+    before = content(store)
+    assert repair(store, recompute()).after.ok
+    assert commit_told(str(store)) == 4
+    assert commit_told(str(store)) == 0
+    after = content(store)
+    blocks = [name for name in before if name.startswith("search/")]
+    assert blocks
+    assert all(before[name] == after[name] for name in blocks)  # what was measured is as it was told
+    assert verify(store).n_committed == 4
+    with Bench(store) as bench:
+        assert bench.finished
+
+
+def test_closed_means_closed(tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    with begin(store, 1) as bench:
+        suggestion = bench.ask()
+    before = content(store)
+    for action in (
+        bench.ask,
+        lambda: bench.tell(suggestion.candidate, np.ones(20)),
+        lambda: bench.certify(np.ones(100)),
+    ):
+        with pytest.raises(BenchError, match="is closed: open it again"):
+            action()
+    assert content(store) == before
+    with Bench(store) as bench:
+        assert bench.ask() == suggestion
+        finish(bench)
+    with pytest.raises(BenchError, match="is closed"):
+        bench.ask()
+
+
+@pytest.mark.parametrize("released", [False, True])
+def test_what_another_has_committed_is_never_replaced(tmp_path: Path, released: bool) -> None:
+    store = tmp_path / "a.zarr"
+    lost = begin(store, 2)
+    suggestion = lost.ask()
+    other = DriverStore(store, break_lock=True)
+    if released:  # the other has been there and gone, and a third goes on
+        other.close()
+        with Bench(store) as bench:
+            finish(bench, 1)
+    before = content(store)
+    for action in (
+        lost.ask,
+        lambda: lost.tell(suggestion.candidate, np.full(20, 7.0)),
+        lambda: lost.certify(np.ones(100)),
+    ):
+        with pytest.raises(LockedError, match="was broken"):
+            action()
+    assert content(store) == before
+    lost.close()
+    other.close()
+    assert verify(store).ok
+
+
+@pytest.mark.parametrize(
+    ("source", "more", "differs"),
+    [
+        ("current-three", {}, "waveform.space"),
+        ("current", {"devices": 30}, "population.n_switches: the store has 20, this configuration 30"),
+        ("current", {"budget": 9}, "campaign.budget: the store has 2, this configuration 9"),
+        ("current", {"settings": (*SETTINGS, "waveform.max_volts=30")}, "waveform.max_volts"),
+        ("current", {"settings": ()}, "optimiser.n_initial"),
+        (None, {"settings": ("waveform.max_volts=30",)}, "waveform.max_volts"),
+        (None, {"devices": 21}, "population.n_switches"),
+        (None, {"budget": 3}, "campaign.budget"),
+    ],
+)
+def test_reopening_with_other_arguments_is_refused_and_says_what_differs(
+    source: str | None, more: dict[str, object], differs: str, tmp_path: Path
+) -> None:
+    store = tmp_path / "a.zarr"
+    begin(store, 2).close()
+    before = content(store)
+    with pytest.raises(OtherConfigurationError, match=differs):
+        Bench(store, source, **({"settings": SETTINGS} if source else {}) | more)
+    assert content(store) == before
+    for same in ({}, {"devices": 20, "budget": 2}, {"source": "current", "settings": SETTINGS}):
+        Bench(store, **same).close()
+    begin(store, 2).close()

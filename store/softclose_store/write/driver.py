@@ -106,6 +106,10 @@ class DriverStore:
         """Release the lock."""
         self._lock.release()
 
+    def check_held(self) -> None:
+        """Raise LockedError where the store is not this driver's any more: its lock was given back, or broken."""
+        self._lock.check()
+
     @property
     def config(self) -> dict[str, Any]:
         """The campaign's configuration."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import TracebackType
@@ -21,6 +20,7 @@ from softclose import ALGORITHM
 from softclose.metrics.objective import CM_S, Assessment, Judged
 from softclose.plugins import ENGINES, MEASURED
 from softclose.settings import CampaignConfig, load_config
+from softclose.settings.overrides import texts
 from softclose.waveform import Waveform
 from softclose_store import Best, Campaign, DriverStore, open_campaign, path_text, store_state, write_block
 from softclose_workflows.analyses.certificates import write_certificate
@@ -29,7 +29,7 @@ from softclose_workflows.analyses.certify import check_size
 from softclose_workflows.errors import BenchError
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
-from softclose_workflows.run.executors.protocol import Contact, Event
+from softclose_workflows.run.measurements import Measurements, settle
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import PLACE, BlockResult, BlockTask
 
@@ -60,42 +60,17 @@ class Suggestion:
     """Devices to measure it on."""
 
 
-class _Measurements:
-    """Stands where an executor does: blocks wait here until somebody has measured them."""
-
-    n_workers = 0
-    n_retries = 0
-    dashboard: str | None = None
-    contact: Contact | None = None
-
-    def __init__(self) -> None:
-        self.waiting: deque[BlockTask] = deque()
-        self.told: deque[Event] = deque()
-
-    @property
-    def has_finished(self) -> bool:
-        return bool(self.told)
-
-    def probe(self, store: str, fingerprint: str) -> None:
-        """Devices are not asked whether they can."""
-
-    def submit(self, task: BlockTask) -> None:
-        self.waiting.append(task)
-
-    def next_event(self, timeout_s: float) -> Event | None:
-        return self.told.popleft() if self.told else None
-
-
 class Bench:
     """A campaign on a test bench, open for its one driver. A context manager.
 
     Parameters
     ----------
     store
-        Path or URL; created where there is none, continued otherwise.
+        Path or URL; created where there is none, continued otherwise. Opening commits what was told and, because of a
+        kill or a full disk, not committed.
     source
         Preset, TOML file or configuration to create it from; its space, limits and population are those of the search.
-        Not needed to continue.
+        Not needed to continue; what is given then has to be what the store holds.
     devices, budget
         Devices that each waveform is measured on, and waveforms in all; of a new campaign.
     settings
@@ -105,6 +80,8 @@ class Bench:
     ------
     BenchError
         Where the store holds a campaign that is simulated, or a new one lacks `source`, `devices` or `budget`.
+    OtherConfigurationError
+        Where the store was begun with other arguments than these; names what differs.
     ConfigError, StoreError
         As `load_config` and `DriverStore` do.
     """
@@ -118,23 +95,29 @@ class Bench:
         budget: int | None = None,
         settings: Iterable[str] = (),
     ) -> None:
-        path = path_text(store)
+        path, settings = path_text(store), tuple(texts(settings))
         if store_state(path).kind in ("absent", "unfinished"):
             if source is None or devices is None or budget is None:
                 raise BenchError(f"{path} holds no campaign yet: give a preset, the number of devices and a budget")
-            own = (f"population.n_switches={devices}", f"compute.block_switches={devices}", f"campaign.budget={budget}")
-            create_store(load_config(source, (*SETTINGS, *own, *settings)), path)
+            create_store(load_config(source, (*SETTINGS, *_own(devices, budget), *settings)), path)
+            source, devices, budget, settings = None, None, None, ()
         config = CampaignConfig.from_dict(open_campaign(path).config)
         if config.model.name != MEASURED:
             raise BenchError(
                 f"{path} holds a campaign of the device model {config.model.name}: what is measured needs a store of "
                 "its own (waveform.initial_from begins with the best candidates of another one)"
             )
+        _check_same(path, config, source, devices, budget, settings)
         ENGINES.check(config.optimiser.engine)
-        self._measurements = _Measurements()
+        self._closed = False
         self._store = DriverStore(path, expected_algorithm=ALGORITHM)
-        self._store.note_run(runtime())
-        self._driver = Driver(self._store, self._measurements)
+        try:
+            self._store.note_run(runtime())
+            self._begin()
+            settle(self._driver)
+        except BaseException:
+            self.close()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -145,7 +128,8 @@ class Bench:
         self.close()
 
     def close(self) -> None:
-        """Give the store back; what was told is in it."""
+        """Give the store back; what was told is in it. Nothing more is asked of this one or told to it."""
+        self._closed = True
         self._store.close()
 
     @property
@@ -174,7 +158,15 @@ class Bench:
         return Waveform.from_rows(_best_of(open_campaign(self.path)).waveform)
 
     def ask(self) -> Suggestion:
-        """The next waveform to measure: the same one until it is told. Raises BenchError where the budget is spent."""
+        """The next waveform to measure: the same one until it is told.
+
+        Raises
+        ------
+        BenchError
+            Where the budget is spent, or the bench is closed.
+        LockedError
+            Where another driver has taken the store over.
+        """
         task = self._next()
         return Suggestion(
             candidate=task.first, waveform=Waveform.from_rows(task.waveforms[0]), n_devices=task.stop - task.start
@@ -205,12 +197,18 @@ class Bench:
         Raises
         ------
         BenchError
-            Where the candidate is not the one asked for, or the numbers do not fit.
+            Where the candidate is not the one asked for, the numbers do not fit, or the bench is closed.
+        LockedError
+            Where another driver has taken the store over. Nothing is written then, nor for a BenchError.
+        Stopped
+            Where it is stored and its wave could not be committed (a full disk): the next `ask`, or opening the
+            store again, commits it.
         """
         task = self._next()
         if candidate != task.first:
             raise BenchError(f"candidate {candidate} is told, but {task.first} was asked for: tell that one")
         measured = _judged(speeds_cm_s, closed, status, task.stop - task.start)
+        self._is_whole = False
         marker = write_block(
             task.store, task.stage, task.row, task.column, self._arrays(measured), task.proposals_digest
         )
@@ -227,6 +225,7 @@ class Bench:
         )
         self._measurements.told.append((task, result))
         self._driver.advance()
+        self._is_whole = True
         return assess_fresh(measured, self.config)
 
     def certify(
@@ -249,7 +248,10 @@ class Bench:
         ------
         CertifyError
             For too few devices.
+        BenchError, LockedError
+            Where the bench is closed, or another driver has taken the store over.
         """
+        self._check_open()
         campaign = open_campaign(self.path)
         best = _best_of(campaign)
         index = best.candidate if candidate is None else candidate
@@ -270,8 +272,25 @@ class Bench:
         write_certificate(self.path, found)
         return found
 
+    def _begin(self) -> None:
+        """Take up the campaign from what is stored."""
+        self._measurements = Measurements()
+        self._driver = Driver(self._store, self._measurements)
+        self._is_whole = True
+
+    def _check_open(self) -> None:
+        """Raise unless the store is this bench's: what another has committed meanwhile is not to be replaced."""
+        if self._closed:
+            raise BenchError(f"this bench of {self.path} is closed: open it again with Bench({self.path!r})")
+        self._store.check_held()
+
     def _next(self) -> BlockTask:
-        self._driver.launch()
+        self._check_open()
+        if not self._is_whole:  # something was cut short: what of it is stored counts, and what is not is asked again
+            self._begin()
+        self._is_whole = False
+        settle(self._driver)
+        self._is_whole = True
         if not self._measurements.waiting:
             raise BenchError(
                 f"all {self.config.total_budget} candidates of {self.path} are measured: extend it, or stop"
@@ -288,6 +307,32 @@ class Bench:
         response[:, PLACE["closed"]] = measured.closed
         response[:, PLACE["status"]] = measured.status
         return arrays
+
+
+def _own(devices: int | None, budget: int | None) -> tuple[str, ...]:
+    """The settings that the arguments stand for."""
+    own: tuple[str, ...] = ()
+    if devices is not None:
+        own += (f"population.n_switches={devices}", f"compute.block_switches={devices}")
+    return own if budget is None else (*own, f"campaign.budget={budget}")
+
+
+def _check_same(
+    path: str, stored: CampaignConfig, source: Any, devices: int | None, budget: int | None, settings: tuple[str, ...]
+) -> None:
+    """Raise OtherConfigurationError, naming what differs, where the store holds another campaign than was asked for.
+
+    What is not given is as stored. A limit that is lowered and not heeded would be a switch that is destroyed.
+    """
+    if source is not None:
+        devices = stored.population.n_switches if devices is None else devices
+        budget = stored.campaign.budget if budget is None else budget
+        given = load_config(source, (*SETTINGS, *_own(devices, budget), *settings))
+    elif devices is not None or budget is not None or settings:
+        given = load_config(stored.to_dict(), (*_own(devices, budget), *settings))
+    else:
+        return
+    create_store(given, path)
 
 
 def _best_of(campaign: Campaign) -> Best:

@@ -20,7 +20,11 @@ from softclose_workflows.commands.options import break_lock_option
     help="Compute K random blocks and propose K random waves again and compare bits.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Which K.")
-@click.option("--repair", is_flag=True, help="Compute again what is damaged or missing, and prove it equal.")
+@click.option(
+    "--repair",
+    is_flag=True,
+    help="Compute again what is damaged or missing, and prove it equal; commit what was measured.",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @break_lock_option
 @click.pass_context
@@ -31,6 +35,7 @@ def verify(
     from softclose_store import repair as repair_store
     from softclose_store import verify as verify_store
     from softclose_workflows.analyses.recompute import recompute, replay
+    from softclose_workflows.run.measurements import commit_told
     from softclose_workflows.tell.plain import json_text
 
     told: dict[str, object] = {"store": store}
@@ -42,6 +47,10 @@ def verify(
         lines += [f"repaired and proved equal: {what}" for what in mended.proved]
         lines += [f"repaired, nothing left to compare with: {what}" for what in mended.unproved]
         lines += [f"not repaired: {what}" for what in mended.failed]
+        if report.ok and (n_told := commit_told(store, break_lock=break_lock)):
+            told["committed"] = n_told
+            lines.append(f"committed what was measured and told, but not committed: candidates {n_told:,}")
+            report = verify_store(store)
     else:
         report = verify_store(store)
     ok = report.ok

@@ -176,6 +176,12 @@ class Driver:
             if result is not None:
                 flight.results[place] = result
 
+    @property
+    def is_ready(self) -> bool:
+        """True where every block of the next wave in order is stored: it only waits for its commit."""
+        flight = self._flights.get(self.store.n_waves)
+        return flight is not None and not flight.missing
+
     def advance(self) -> None:
         """Wait for blocks, then commit every wave that is next in order and complete."""
         if self._flights[self.store.n_waves].missing:
@@ -237,6 +243,7 @@ class Driver:
             raise Stopped(f"wave {w} could not be committed: {e}") from e
         self.spent.assess += assessed - began
         self.spent.commit += time.perf_counter() - assessed
+        del self._flights[w]  # committed, whatever follows: a bench goes on after it has been told why it stopped
         start = flight.wave.start
         self._observe([records.observation(start + i, w, row) for i, row in enumerate(rows)])
         if len(self._history) >= min(MOST_FAILED, self.config.total_budget) and not math.isfinite(self._best[1]):
@@ -244,7 +251,6 @@ class Driver:
             raise Stopped(
                 f"none of {len(self._history)} candidates could be assessed ({reason}): mend the device model"
             )
-        del self._flights[w]
         self._report()
 
     def _observe(self, observations: Sequence[Observation]) -> None:
