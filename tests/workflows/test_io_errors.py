@@ -22,8 +22,8 @@ from softclose_workflows.errors import Stopped
 from softclose_workflows.run.executors import Placement
 from stores import differences
 
-EVERY = 13
-"""Operations between two that fail."""
+EVERY = {"slow": 41, "long": 5}
+"""Operations between two that fail: in `make test`, in `make long`."""
 FAILURES = {"disk": lambda: OSError(errno.EIO, os.strerror(errno.EIO)), "memory": MemoryError}
 OPERATIONS = ("open", "pread", "write", "replace", "rename", "mkdir")
 
@@ -67,17 +67,21 @@ def run(path: Path) -> None:
     drive(str(path), Placement(serial=True), config=load_config("current", COARSE), quiet=True)
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    "every",
+    [pytest.param("slow", marks=pytest.mark.slow), pytest.param("long", marks=[pytest.mark.slow, pytest.mark.long])],
+)
 @pytest.mark.parametrize("failure", FAILURES)
+@pytest.mark.timeout(1200)
 def test_an_operation_that_fails_once_stops_the_run_or_is_done_again_and_the_end_is_the_same(
-    failure: str, tmp_path: Path
+    failure: str, every: str, tmp_path: Path
 ) -> None:
     reference = Path(make_campaign(tmp_path / "reference.zarr", *COARSE))
     with faulty(0) as whole:
         run(tmp_path / "counted.zarr")
     assert whole.count > 200
     endings = set()
-    for k in range(1, whole.count + 1, EVERY):
+    for k in range(1, whole.count + 1, EVERY[every]):
         path = tmp_path / f"{k}.zarr"
         with faulty(k, failure):
             try:
