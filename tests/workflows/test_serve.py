@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
 import shutil
 import signal
 import socket
 import subprocess
 import threading
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +49,58 @@ def get(server: Server, path: str, method: str = "GET", **headers: str) -> tuple
 def first_event(server: Server) -> list[dict[str, Any]]:
     with urllib.request.urlopen(server.address + "events", timeout=30) as stream:
         return json.loads(stream.readline().removeprefix(b"data: "))
+
+
+def deep(root: Path) -> None:
+    (root / "zarr.json").write_text("[" * 100_000)
+
+
+def without_layout(root: Path) -> None:
+    document = json.loads((root / "zarr.json").read_text())
+    del document["attributes"]["layout"]
+    (root / "zarr.json").write_text(json.dumps(document))
+
+
+def strange_config(root: Path) -> None:
+    document = json.loads((root / "zarr.json").read_text())
+    document["attributes"]["config"] = {"campaign": 3}
+    (root / "zarr.json").write_text(json.dumps(document))
+
+
+def pipe(root: Path) -> None:
+    (root / "zarr.json").unlink()
+    os.mkfifo(root / "zarr.json")
+
+
+def pipe_as_lock(root: Path) -> None:
+    (root / "digests" / "driver.lock").unlink(missing_ok=True)
+    os.mkfifo(root / "digests" / "driver.lock")
+
+
+@pytest.mark.parametrize("spoil", [deep, without_layout, strange_config, pipe, pipe_as_lock, None])
+def test_one_bad_folder_is_a_row_that_says_what_is_wrong_and_the_others_are_shown(
+    spoil: Callable[[Path], None] | None, tmp_path: Path
+) -> None:
+    make_campaign(tmp_path / "good.zarr", *COARSE)
+    bad = Path(os.fsdecode(bytes(tmp_path) + b"/b\xff.zarr"))
+    shutil.copytree(tmp_path / "good.zarr", bad)
+    if spoil is not None:
+        spoil(bad)
+    found = {state.store: state for state in Folder(tmp_path).states()}
+    assert found["good.zarr"].committed == 8
+    if spoil is pipe:  # nothing that is no plain file is a store
+        assert len(found) == 1 or found["b\\xff.zarr"].problem
+    else:
+        assert bool(found["b\\xff.zarr"].problem) == (spoil not in (None, pipe_as_lock))
+    json.dumps([asdict(state) for state in found.values()]).encode()
+    with Server(tmp_path) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+        thread.start()
+        assert get(server, "/report/good.zarr")[0] == 200
+        if spoil is not pipe:
+            assert get(server, "/" + found["b\\xff.zarr"].report)[0] == (200 if spoil in (None, pipe_as_lock) else 503)
+        server.shutdown()
+        thread.join()
 
 
 def test_a_folder_is_its_stores_as_they_stand(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, unquote
+from urllib.parse import quote, unquote_to_bytes
 
 import numpy as np
 
@@ -81,23 +82,42 @@ class Folder:
             found = []
             for name, path in self.stores().items():
                 try:
-                    holder = lock_holder(path)
-                    version = (path / "zarr.json").lstat().st_mtime_ns, holder
+                    changed = (path / "zarr.json").lstat().st_mtime_ns
                 except OSError:
+                    continue  # it is gone
+                try:
+                    holder = lock_holder(path)
+                except (StoreError, OSError) as e:
+                    found.append(State(store=_shown(name), report=_address(name), problem=str(e)))
                     continue
+                version = changed, holder
                 if self._known.get(path, (None,))[0] != version:
                     self._known[path] = version, _read(name, path, holder)
                 found.append(self._known[path][1])
             return found
 
 
+def _shown(name: str) -> str:
+    """A folder's name as text: bytes of it that are no UTF-8 are spelt out."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _address(name: str) -> str:
+    """Address of a store's report, below this server's; any bytes of its name are kept."""
+    return f"report/{quote(os.fsencode(name))}"
+
+
 def _read(name: str, path: Path, holder: Holder | None) -> State:
-    report = f"report/{quote(name)}"
     try:
-        campaign = open_campaign(path)
-        standing, records = standing_of(campaign, name), campaign.records()
-    except (StoreError, OSError, ValueError) as e:
-        return State(store=name, report=report, problem=str(e))
+        return _state(name, path, holder)
+    except Exception as e:  # whatever is wrong with one folder is a row of its own, and no end of the page for all
+        said = str(e) if isinstance(e, StoreError | OSError) else f"it cannot be read ({type(e).__name__}: {e})"
+        return State(store=_shown(name), report=_address(name), problem=said)
+
+
+def _state(name: str, path: Path, holder: Holder | None) -> State:
+    campaign = open_campaign(path)
+    standing, records = standing_of(campaign, name), campaign.records()
     usable = np.flatnonzero(np.isfinite(records["g_cm_s"]) & ~records["failed"])
     best, larger = best_so_far(usable, records["g_cm_s"][usable], records["n_switches"][usable])
     steps = changes(best)
@@ -105,8 +125,8 @@ def _read(name: str, path: Path, holder: Holder | None) -> State:
     n_left = standing.budget - standing.committed
     _, left = pace(records["wall_committed_unix_s"], records["n_switches"], records["wave"], n_left)
     return State(
-        store=name,
-        report=report,
+        store=_shown(name),
+        report=_address(name),
         name=standing.name,
         committed=standing.committed,
         budget=standing.budget,
@@ -174,10 +194,10 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get("Host", "") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
             self.send_error(HTTPStatus.FORBIDDEN, "not asked for under this machine's name")
             return
-        known = {f"/report/{quote(name)}": path for name, path in self.server.folder.stores().items()}
+        known = {f"/{_address(name)}": path for name, path in self.server.folder.stores().items()}
         pages = {"/": self._page, "/events": self._events}
         pages |= {address: partial(self._report, path) for address, path in known.items()}
-        page = pages.get(quote(unquote(self.path.partition("?")[0])))
+        page = pages.get(quote(unquote_to_bytes(self.path.partition("?")[0])))
         if page is None:
             self.send_error(HTTPStatus.NOT_FOUND)
             return
@@ -192,13 +212,13 @@ class _Handler(BaseHTTPRequestHandler):
     def _report(self, path: Path) -> None:
         try:
             text = render_report(gather(str(path)))
-        except (StoreError, OSError, ValueError) as e:
+        except Exception as e:  # as in the list of stores: what is wrong with one of them is said
             self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, "cannot be read", str(e))
             return
         self._send(text)
 
     def _send(self, text: str) -> None:
-        content = text.encode("utf-8")
+        content = text.encode("utf-8", "backslashreplace")  # names of folders may be any bytes
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", "text/html; charset=utf-8")
         self.send_header("Content-Length", str(len(content)))
