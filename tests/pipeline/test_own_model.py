@@ -36,6 +36,7 @@ def _model(monkeypatch: pytest.MonkeyPatch, change: dict[str, Any]) -> Any:
     ("change", "said"),
     [
         ({"max_contact_speed": np.full(6, np.nan)}, "switch 0 is closed and gives its contact speed as nan"),
+        ({"status": np.full(6, 127)}, "gives the status 127, which stands for a reading that is missing"),
         ({"max_contact_speed": np.array([0.1, 0.1, -0.2, 0.1, 0.1, 0.1])}, "switch 2 is .* speed as -0.2"),
         ({"max_contact_speed": np.array([0.1, np.inf, 0.2, 0.1, 0.1, 0.1])}, "switch 1 .* as inf"),
         ({"max_contact_speed": np.zeros(5)}, r"max_contact_speed of shape \(5,\) for 6 switches"),

@@ -14,7 +14,10 @@ import pytest
 from campaigns import softclose
 from small_campaigns import COARSE, make_campaign
 from softclose import ModelError, Responses, Waveform, load_population, simulate
-from softclose.metrics.objective import CM_S, assess
+from softclose.evaluate import judge
+from softclose.metrics import paired
+from softclose.metrics.objective import CM_S, MISSING, Assessment, Judged, assess
+from softclose.settings import CampaignConfig
 from softclose_store import DriverStore, LockedError, OtherConfigurationError, faults, open_campaign, repair, verify
 from softclose_workflows import api
 from softclose_workflows.analyses.certification import CertifyError
@@ -158,7 +161,12 @@ def test_a_certificate_is_measured_on_other_devices_and_counts_as_any(tmp_path: 
         (np.ones((20, 1)), None, None),
         (-np.ones(20), None, None),
         (np.full(20, np.inf), None, None),
-        (np.full(20, np.nan), np.ones(20, dtype=bool), None),  # closed without a touch
+        (np.full(20, np.nan), np.ones(20, dtype=bool), None),  # closed, and no speed at all
+        (np.full(20, np.nan), None, None),  # nothing read
+        (np.ma.masked_all(20), np.ones(20, dtype=bool), None),
+        (np.ones(20), None, np.full(20, -1)),
+        (np.ones(20), None, np.full(20, 127)),
+        (np.ones(20), None, np.full(20, 0.5)),
         (np.ones(20), np.ones(20), None),  # no truth values
         (np.ones(20), np.ones(19, dtype=bool), None),
         (np.ones(20), None, [1]),
@@ -171,7 +179,7 @@ def test_measurements_that_do_not_fit_are_refused_and_nothing_is_stored(
     speeds: object, closed: object, status: object, tmp_path: Path
 ) -> None:
     with begin(tmp_path / "a.zarr") as bench:
-        with pytest.raises(BenchError, match="expected are 20 speeds of 0 cm/s or more"):
+        with pytest.raises(BenchError, match="expected are 20 speeds of 0 cm/s or more, NaN where"):
             bench.tell(0, speeds, closed, status=status)
         with pytest.raises(BenchError, match="candidate 3 is told, but 0 was asked for"):
             bench.tell(3, np.ones(20))
@@ -348,3 +356,80 @@ def test_reopening_with_other_arguments_is_refused_and_says_what_differs(
     for same in ({}, {"devices": 20, "budget": 2}, {"source": "current", "settings": SETTINGS}):
         Bench(store, **same).close()
     begin(store, 2).close()
+
+
+def test_missing_open_and_closed_without_a_speed_are_three_things(tmp_path: Path) -> None:
+    store, speeds = tmp_path / "a.zarr", np.linspace(5.0, 24.0, 20)
+    closed = np.ones(20, dtype=bool)
+    speeds[:3], closed[:3] = np.nan, False  # open
+    speeds[3:5] = np.nan  # closed, at a speed that is not known
+    masked = np.ma.array(speeds, mask=np.arange(20) >= 16)  # nothing read, whatever stands there
+    masked.data[16:] = -7.0
+    with begin(store, 1) as bench:
+        found = bench.tell(bench.ask().candidate, masked, closed)
+    assert (found.n, found.n_closed, found.n_contact, found.n_failed) == (16, 13, 11, 0)
+    assert (found.p_nc, found.p_contact) == (3 / 16, 13 / 16)
+    assert found.mean_cm_s == pytest.approx(np.linspace(5.0, 24.0, 20)[5:16].mean())
+    record = open_campaign(store).records()
+    assert (record["p_nc"][0], record["g_cm_s"][0]) == (found.p_nc, found.g_cm_s)
+    again = judge_stored(store)
+    assert (again.n, again.g_cm_s) == (found.n, found.g_cm_s)
+
+
+def judge_stored(store: Path) -> Assessment:
+    """What is judged of the stored responses of candidate 0."""
+    campaign = open_campaign(store)
+    return judge(CampaignConfig.from_dict(campaign.config), campaign.responses(0))
+
+
+@pytest.mark.parametrize("where", ["speeds", "closed", "status", "nan"])
+def test_what_was_not_read_is_not_counted_and_what_it_hides_is_never_seen(
+    where: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(7)
+    speeds, mask = rng.uniform(5.0, 30.0, 20), rng.random(20) < 0.3
+    given = {"speeds": speeds, "closed": np.ones(20, dtype=bool), "status": np.zeros(20, dtype=int)}
+    if where == "nan":
+        given["speeds"], given["closed"] = np.where(mask, np.nan, speeds), None
+    else:
+        given[where] = np.ma.array(given[where], mask=mask)
+    with begin(tmp_path / "a.zarr", 1) as bench:
+        found = bench.tell(0, given["speeds"], given["closed"], status=given["status"])
+    rest = speeds[~mask] / CM_S
+    response = Judged(
+        max_contact_speed=rest, closed=np.ones(rest.size, dtype=bool), status=np.zeros(rest.size, dtype=np.int8)
+    )
+    assert 0 < rest.size < 20
+    assert found.n == rest.size
+    assert found.g_interval == assess(response).g_interval
+    assert ("count as missing" in capsys.readouterr().err) == (where == "nan")
+
+
+@pytest.mark.parametrize("slip", [0.01, 100.0])
+def test_speeds_a_hundredfold_off_are_asked_about(slip: float, tmp_path: Path) -> None:
+    store = tmp_path / "a.zarr"
+    with begin(store, 1) as bench:
+        speeds, closed = measure(bench.ask().waveform, DEVICES)
+        before = content(store)
+        with pytest.raises(BenchError, match="Are the speeds in cm/s"):
+            bench.tell(0, speeds * slip, closed)
+        assert content(store) == before
+        assert bench.tell(0, speeds * slip, closed, unusual=True).n == 20
+        with pytest.raises(BenchError, match="Are the speeds in cm/s"):
+            bench.certify(np.linspace(5.0, 30.0, 80) * slip)
+
+
+def test_pairs_leave_out_what_was_not_read() -> None:
+    rng = np.random.default_rng(3)
+
+    def drawn(n_missing: int) -> Judged:
+        status = np.zeros(60, dtype=np.int8)
+        status[rng.choice(60, n_missing, replace=False)] = MISSING
+        lost = status == MISSING
+        return Judged(max_contact_speed=np.where(lost, np.nan, rng.uniform(0.1, 0.4, 60)), closed=~lost, status=status)
+
+    a, b = drawn(5), drawn(9)
+    both = (a.status == 0) & (b.status == 0)
+    found = paired.compare((a, assess(a)), (b, assess(b)))
+    assert found.p_nc == 0.0  # what is missing is not open
+    assert found.softer.n == both.sum()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from softclose.metrics.objective import MISSING
 from softclose.plugins import MODELS
 from softclose.plugins import ModelError as ModelError
 from softclose.waveform import Waveform
@@ -95,6 +96,11 @@ def _check_answer(name: str, found: Responses, n: int) -> None:
     for what, values in (("max_contact_speed", speeds), ("closed", closed), ("status", status)):
         if values.shape != (n,):
             raise ModelError(f"model {name!r} gives {what} of shape {values.shape} for {n} switches; it must be ({n},)")
+    if (status == MISSING).any():
+        raise ModelError(
+            f"model {name!r} gives the status {MISSING}, which stands for a reading that is missing; it "
+            "must be 0 where a switch was integrated, and another number up to 126 where it was not"
+        )
     integrated = status == 0
     with np.errstate(invalid="ignore"):
         wrong = integrated & (np.isinf(speeds) | (speeds < 0.0) | (closed.astype(bool) & np.isnan(speeds)))

@@ -26,6 +26,8 @@ CM_S = 100.0
 MAX_FAILED = 0.05
 """Largest share of switches that could not be integrated for which g is defined: they count as open, and what they
 would have done is not known."""
+MISSING = 127
+"""Status of a switch of which nothing was read: it is not counted, as if it were not there."""
 FORMS: tuple[str, ...] = ("penalty", "chance")
 Risk = Literal["quantile", "cvar"]
 RISKS: tuple[str, ...] = ("quantile", "cvar")
@@ -41,8 +43,8 @@ class ObjectiveError(ValueError):
 class Response(Protocol):
     """What `assess` needs.
 
-    An optional `status` (n,) marks the switches that could not be integrated: not 0. Of an optional `settling_us` (n,)
-    follows the closing time.
+    An optional `status` (n,) marks the switches that could not be integrated: not 0. `MISSING` marks those that do not
+    count. Of an optional `settling_us` (n,) follows the closing time.
     """
 
     @property
@@ -87,9 +89,9 @@ class Assessment:
     """Eqs. 7-11 for one ensemble. Velocities in cm/s; intervals are (lower, upper)."""
 
     n: int
-    """Switches simulated, failed ones included."""
+    """Switches simulated or measured, failed ones included, missing readings not."""
     n_contact: int
-    """Switches that touched at least once."""
+    """Switches that touched at least once, at a known speed."""
     n_closed: int
     """Switches held in contact at the horizon."""
     n_failed: int
@@ -219,6 +221,7 @@ def assess(
     _check(locals())
     if sampling not in SAMPLINGS:
         raise ObjectiveError(f"sampling is {sampling!r}; it must be one of {', '.join(SAMPLINGS)}")
+    response = those_read(response)
     speed, closed, n_failed = _arrays(response, closed_by_us)
     closing_us, closing_interval = _closing(response, level, confidence)
     n = speed.size
@@ -287,7 +290,7 @@ def assess(
         p_nc_intervals=p_nc,
         closing_us=closing_us,
         closing_interval=closing_interval,
-        p_contact=n_contact / n,
+        p_contact=int((contact | closed).sum()) / n,
         p_above_v_u=above[0],
         p_above_v_u_half_width=above[1],
         p_exceed=tuple(_exceedance(v, float(limit), confidence) for limit in limits_cm_s),
@@ -485,6 +488,30 @@ def _association(v: FloatArray, open_: NDArray[np.bool_], v_u: float, level: flo
     spread = math.sqrt(level * (1.0 - level) * v.size / n * p_nc * (1.0 - p_nc))
     # Not above 1: at most 1 - level of the switches lie above v_u. Rounding v_u's rank up can take it below -1.
     return max(covariance / spread, -1.0)
+
+
+def is_read(response: Response) -> NDArray[np.bool_]:
+    """(n,) False for switches of which nothing was read."""
+    status = getattr(response, "status", None)
+    return np.ones(np.shape(response.closed), dtype=np.bool_) if status is None else np.asarray(status) != MISSING
+
+
+def those_read(response: Response, kept: NDArray[np.bool_] | None = None) -> Response:
+    """The response of the switches that count: those that were read, or `kept` (n,). Raises ObjectiveError for none."""
+    if getattr(response, "status", None) is None and kept is None:
+        return response
+    kept = is_read(response) if kept is None else kept
+    if kept.all() or kept.shape != np.shape(response.closed):  # other shapes are refused where they are compared
+        return response
+    if not kept.any():
+        raise ObjectiveError("no switch was measured: every reading is missing")
+    status, settling = getattr(response, "status", None), getattr(response, "settling_us", None)
+    return Judged(
+        max_contact_speed=np.asarray(response.max_contact_speed, dtype=np.float64)[kept],
+        closed=np.asarray(response.closed, dtype=np.bool_)[kept],
+        status=np.zeros(int(kept.sum()), dtype=np.int8) if status is None else np.asarray(status)[kept],
+        settling_us=None if settling is None else np.asarray(settling, dtype=np.float64)[kept],
+    )
 
 
 def in_time(response: Response, closed_by_us: float) -> NDArray[np.bool_]:

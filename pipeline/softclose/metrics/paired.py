@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from softclose.metrics import intervals
 from softclose.metrics.intervals import Interval, Proportion
-from softclose.metrics.objective import CM_S, Assessment, Response, in_time
+from softclose.metrics.objective import CM_S, Assessment, Response, in_time, is_read, those_read
 
 FloatArray = NDArray[np.float64]
 
@@ -51,7 +51,10 @@ def compare(
     v_u: see `quantile_difference`. No resampling, no seed; a test has the bootstrap.
     """
     (a, left), (b, right) = design, reference
-    n = left.n
+    if np.shape(a.closed) == np.shape(b.closed):  # a switch that was read under one of them makes no pair
+        kept = is_read(a) & is_read(b)
+        a, b = those_read(a, kept), those_read(b, kept)
+    n = len(np.asarray(a.closed))
     v_u = left.v_u_cm_s - right.v_u_cm_s
 
     va, vb = np.asarray(a.max_contact_speed) * CM_S, np.asarray(b.max_contact_speed) * CM_S

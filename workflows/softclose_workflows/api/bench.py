@@ -6,7 +6,6 @@ is on the disk when `tell` returns.
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose import ALGORITHM
-from softclose.metrics.objective import CM_S, Assessment, Judged
+from softclose.metrics.objective import CM_S, MISSING, Assessment, Judged
 from softclose.plugins import ENGINES, MEASURED
 from softclose.settings import CampaignConfig, load_config
 from softclose.settings.overrides import texts
@@ -32,6 +31,7 @@ from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.measurements import Measurements, settle
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import PLACE, BlockResult, BlockTask
+from softclose_workflows.terminal import say
 
 SETTINGS = (
     f"model.name={MEASURED}",
@@ -46,6 +46,9 @@ SETTINGS = (
 )
 """What a bench asks for on top of a preset: tens of waveforms on a handful of devices, a Gaussian process, one at a
 time."""
+
+BELOW, ABOVE = 40.0, 10.0
+"""Median speeds below or above the lot's own by more than this are asked about: m/s taken for cm/s, and the like."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,6 +182,7 @@ class Bench:
         closed: ArrayLike | None = None,
         *,
         status: ArrayLike | None = None,
+        unusual: bool = False,
     ) -> Assessment:
         """Store what was measured of the candidate that `ask` gave, and return its assessment (Eqs. 7-11).
 
@@ -188,11 +192,14 @@ class Bench:
             `Suggestion.candidate`.
         speeds_cm_s
             (n_devices,) largest impact speed of each device [cm/s], always in the same order of devices; NaN where it
-            never touched.
+            has none. Masked (`numpy.ma`, here or in the others): nothing was read, and the device is not counted.
         closed
-            (n_devices,) whether it was held closed at the end; by default, where it touched.
+            (n_devices,) whether it was held closed at the end. False and NaN: it never touched. True and NaN: closed,
+            at a speed that is not known. By default, where it has a speed; NaN then counts as masked.
         status
-            (n_devices,) other than 0 where a measurement is worth nothing; it counts as not closed.
+            (n_devices,) 1 to 126 where the device failed; it counts as not closed.
+        unusual
+            Take speeds that are far from what the lot's own motion reaches; they are refused otherwise.
 
         Raises
         ------
@@ -207,7 +214,7 @@ class Bench:
         task = self._next()
         if candidate != task.first:
             raise BenchError(f"candidate {candidate} is told, but {task.first} was asked for: tell that one")
-        measured = _judged(speeds_cm_s, closed, status, task.stop - task.start)
+        measured = _judged(speeds_cm_s, closed, status, task.stop - task.start, self._scale(unusual))
         self._is_whole = False
         marker = write_block(
             task.store, task.stage, task.row, task.column, self._arrays(measured), task.proposals_digest
@@ -229,7 +236,13 @@ class Bench:
         return assess_fresh(measured, self.config)
 
     def certify(
-        self, speeds_cm_s: ArrayLike, closed: ArrayLike | None = None, *, candidate: int | None = None, lot: int = 0
+        self,
+        speeds_cm_s: ArrayLike,
+        closed: ArrayLike | None = None,
+        *,
+        candidate: int | None = None,
+        lot: int = 0,
+        unusual: bool = False,
     ) -> Certification:
         """Certify a candidate by measurements of devices that it was not chosen on.
 
@@ -237,7 +250,7 @@ class Bench:
 
         Parameters
         ----------
-        speeds_cm_s, closed : (n,) array-like
+        speeds_cm_s, closed, unusual : (n,) array-like, bool
             As `tell` takes them.
         candidate : int, optional
             By default the best.
@@ -256,7 +269,8 @@ class Bench:
         best = _best_of(campaign)
         index = best.candidate if candidate is None else candidate
         n = np.size(speeds_cm_s)
-        check_size(self.config, n, 1)
+        judged = _judged(speeds_cm_s, closed, None, n, self._scale(unusual))
+        check_size(self.config, int((judged.status != MISSING).sum()), 1)
         name = candidate_name(index)
         request = Request(
             n_switches=n,
@@ -268,7 +282,7 @@ class Bench:
             missing={"unshaped": "nothing but the candidate was measured"},
         )
         waveforms = {name: Waveform.from_rows(campaign.waveform(index))}
-        found = assemble(campaign, self.config, waveforms, {name: _judged(speeds_cm_s, closed, None, n)}, request)
+        found = assemble(campaign, self.config, waveforms, {name: judged}, request)
         write_certificate(self.path, found)
         return found
 
@@ -283,6 +297,9 @@ class Bench:
         if self._closed:
             raise BenchError(f"this bench of {self.path} is closed: open it again with Bench({self.path!r})")
         self._store.check_held()
+
+    def _scale(self, unusual: bool) -> float | None:
+        return None if unusual else _scale_of(self._store)
 
     def _next(self) -> BlockTask:
         self._check_open()
@@ -342,16 +359,61 @@ def _best_of(campaign: Campaign) -> Best:
     return best
 
 
-def _judged(speeds_cm_s: ArrayLike, closed: ArrayLike | None, status: ArrayLike | None, n: int) -> Judged:
-    with contextlib.suppress(TypeError, ValueError):
-        speeds = np.asarray(speeds_cm_s, dtype=np.float64)
-        held = ~np.isnan(speeds) if closed is None else np.asarray(closed)
-        outcome = np.zeros(speeds.shape, dtype=np.int8) if status is None else np.asarray(status, dtype=np.int8)
-        fits = speeds.shape == held.shape == outcome.shape == (n,) and held.dtype == np.bool_
-        if fits and not np.isinf(speeds).any() and not (speeds < 0.0).any() and not (held & np.isnan(speeds)).any():
-            lost = outcome != 0
-            return Judged(max_contact_speed=np.where(lost, np.nan, speeds / CM_S), closed=held & ~lost, status=outcome)
-    raise BenchError(
-        f"the measurements are {speeds_cm_s!r}, closed {closed!r}; expected are {n} speeds of 0 cm/s or more, NaN "
-        "where a device never touched, and whether each is closed (True or False), which takes a touch"
-    )
+def _judged(
+    speeds_cm_s: ArrayLike, closed: ArrayLike | None, status: ArrayLike | None, n: int, scale_cm_s: float | None
+) -> Judged:
+    """Readings as they are judged; scale_cm_s: what speeds are held against, None: nothing."""
+    try:
+        speeds = np.ma.asarray(speeds_cm_s, dtype=np.float64)
+        given: Any = np.ma.asarray(~np.isnan(speeds.data) if closed is None else closed)
+        outcome: Any = np.ma.asarray(np.zeros(n, dtype=np.int8) if status is None else status)
+        if not (speeds.shape == given.shape == outcome.shape == (n,) and given.dtype == np.bool_):
+            raise ValueError
+        if outcome.dtype.kind not in "iub" or ((outcome.data < 0) | (outcome.data >= MISSING)).any():
+            raise ValueError
+        missing = np.ma.getmaskarray(speeds) | np.ma.getmaskarray(given) | np.ma.getmaskarray(outcome)
+        lost = ~missing & (outcome.data != 0)
+        unsaid = np.isnan(speeds.data) & ~missing & ~lost & (closed is None)
+        missing |= unsaid
+        speed = np.where(missing | lost, np.nan, speeds.data)
+        held = np.asarray(given.data) & ~lost & ~missing
+        known = ~np.isnan(speed)
+        n_known, n_touched = int(known.sum()), int((known | held).sum())
+        if missing.all() or np.isinf(speed).any() or (speed < 0.0).any() or 2 * n_known < n_touched:
+            raise ValueError
+    except (TypeError, ValueError, OverflowError) as e:
+        raise BenchError(
+            f"the measurements are {speeds_cm_s!r}, closed {closed!r}, status {status!r}; expected are {n} speeds of 0 "
+            "cm/s or more, NaN where there is none, whether each is closed (True or False), a status from 0 to 126, "
+            "each masked where nothing was read; at least one device has to be read, and at least half of those that "
+            "touched need a speed"
+        ) from e
+    if n_known and scale_cm_s is not None:
+        _check_scale(float(np.median(speed[known])), scale_cm_s)
+    if unsaid.any():
+        say(
+            f"note: {unsaid.sum()} of {n} speeds are NaN and `closed` is not given: these readings count as "
+            "missing; a device that stayed open is False in `closed`",
+            err=True,
+        )
+    coded = np.where(missing, MISSING, np.where(lost, outcome.data, 0)).astype(np.int8)
+    return Judged(max_contact_speed=speed / CM_S, closed=held, status=coded)
+
+
+def _scale_of(store: DriverStore) -> float:
+    """Median speed of the lot's own motion, travel times angular resonance D sqrt(K/M) [cm/s].
+
+    A step of the full voltage closes the shipped lots at two to four times that, soft closings are at a tenth and more.
+    """
+    lot = store.population
+    per_us = np.sqrt(lot["K"] / lot["M"] * 1e-3)  # N/m over µg is 1e9/s²
+    return float(np.median(lot["D"] * per_us)) * CM_S
+
+
+def _check_scale(median_cm_s: float, scale_cm_s: float) -> None:
+    lower, upper = scale_cm_s / BELOW, scale_cm_s * ABOVE
+    if not lower <= median_cm_s <= upper:
+        raise BenchError(
+            f"the median of the speeds is {median_cm_s:.3g} cm/s; devices of this lot close at some {lower:.2g} to "
+            f"{upper:.2g} cm/s. Are the speeds in cm/s (1 m/s is 100 cm/s)? Where they are, say unusual=True"
+        )

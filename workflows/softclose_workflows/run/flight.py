@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from softclose.device.status import reasons
 from softclose.evaluate import judge
-from softclose.metrics.objective import MAX_FAILED, Judged
+from softclose.metrics.objective import MAX_FAILED, MISSING, Judged
 from softclose.propose.protocol import Proposal, Wave
 from softclose.settings import CampaignConfig
 from softclose_store import Layout, assessed_digest, proposals_digest
@@ -89,7 +89,7 @@ class Flight:
         found = judge(config, response)
         record = records.assessment_record(found)
         if math.isnan(found.g_cm_s):
-            why = f"{reasons(response.status)}; above {MAX_FAILED:.0%} g is not defined"
+            why = f"{reasons(response.status[response.status != MISSING])}; above {MAX_FAILED:.0%} g is not defined"
             record |= {"failed": True, "failure": why}
         return proposed | record | timings
 
