@@ -250,12 +250,14 @@ class Bench:
 
         Parameters
         ----------
-        speeds_cm_s, closed, unusual : (n,) array-like, bool
+        speeds_cm_s, closed : (n,) array-like
             As `tell` takes them.
         candidate : int, optional
             By default the best.
         lot : int
             Keeps certificates of equally many devices apart.
+        unusual : bool
+            As `tell` takes it.
 
         Raises
         ------
