@@ -123,6 +123,7 @@ def test_a_driver_that_is_cut_off_stops_and_is_resumed(hosts: Hosts, local: Path
     _ends_well(again, store, local)
 
 
+@pytest.mark.long
 def test_a_driver_that_is_cut_off_for_a_moment_goes_on(hosts: Hosts, local: Path, tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
     driver = _drive(hosts, store, _cluster(hosts))
@@ -133,6 +134,7 @@ def test_a_driver_that_is_cut_off_for_a_moment_goes_on(hosts: Hosts, local: Path
     _ends_well(driver, store, local)
 
 
+@pytest.mark.long
 def test_a_worker_whose_clock_is_two_days_ahead_changes_nothing(hosts: Hosts, local: Path, tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
     driver = _drive(hosts, store, _cluster(hosts, require("faketime"), "-f", "+2d"))
