@@ -13,6 +13,7 @@ from softclose.evaluate import respond
 from softclose.plugins import EngineError
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig, ConfigError, canonical_json, known_keys, load_config
+from softclose.settings.config import MOST_PROBLEMS
 from softclose.waveform import Pulse, Waveform
 
 
@@ -86,15 +87,18 @@ def test_a_bad_value_is_refused_by_name(override: str, message: str) -> None:
 
 
 def test_no_message_is_in_the_validator_s_words() -> None:
-    bad = {section: {key: [[]] for key in keys} for section, keys in known_keys().items() if section != "waveform"}
-    with pytest.raises(ConfigError) as caught:
-        load_config(bad)
-    lines = str(caught.value).splitlines()
-    assert len(lines) == sum(map(len, bad.values()))
-    for line in lines:
-        assert re.match(r"\w+\.\w+(\.0)? is .*; it must be ", line), line
-        assert "nput" not in line
-        assert "alid" not in line
+    for section, keys in known_keys().items():
+        if section == "waveform":
+            continue
+        assert len(keys) <= MOST_PROBLEMS
+        with pytest.raises(ConfigError) as caught:
+            load_config({section: {key: [[]] for key in keys}})
+        lines = str(caught.value).splitlines()
+        assert len(lines) == len(keys)
+        for line in lines:
+            assert re.match(r"\w+\.\w+(\.0)? is .*; it must be ", line), line
+            assert "nput" not in line
+            assert "alid" not in line
 
 
 def test_a_stored_configuration_is_read_without_its_plugins() -> None:

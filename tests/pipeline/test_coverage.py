@@ -20,7 +20,7 @@ from softclose.metrics.paired import compare, proportion_difference
 
 
 def _benchmark() -> Any:
-    path = Path(__file__).parents[2] / "benchmarks" / "coverage.py"
+    path = Path(__file__).parents[2] / "benchmarks" / "interval_coverage.py"
     spec = importlib.util.spec_from_file_location("coverage_benchmark", path)
     assert spec is not None
     assert spec.loader is not None
