@@ -49,10 +49,7 @@ def populations(names: tuple[str, ...], plate_area: float | None, modes: str | N
         marks = [PRINTED.get(name, {}).get(printed, ()) for name in summaries]
         table.add_row(
             label,
-            *(
-                f"{c} [{'–'.join(f'{m:g}' for m in mark)}]".replace("[", r"\[") if mark else c
-                for c, mark in zip(cells, marks, strict=True)
-            ),
+            *(f"{c} [{'–'.join(f'{m:g}' for m in mark)}]" if mark else c for c, mark in zip(cells, marks, strict=True)),
         )
 
     for variable in dict.fromkeys(v for p in loaded.values() for v in p.variables):
@@ -63,7 +60,7 @@ def populations(names: tuple[str, ...], plate_area: float | None, modes: str | N
         keys = {what: f"{variable}_{what}_{unit.replace('µ', 'u')}" for what in ("lower", "mean", "upper")}
         has = [keys["mean"] in s for s in summaries.values()]
         row(
-            f"{variable} [{unit}]".replace("[", r"\["),
+            f"{variable} [{unit}]",
             [
                 f"{s[keys['lower']]:.{digits}f}–{s[keys['upper']]:.{digits}f}" if known else "–"
                 for s, known in zip(summaries.values(), has, strict=True)
@@ -79,10 +76,10 @@ def populations(names: tuple[str, ...], plate_area: float | None, modes: str | N
         )
     row("D/G", [f"{s['D_over_G_lower']:.3f}–{s['D_over_G_upper']:.3f}" for s in summaries.values()], "D/G")
     for name, unit, printed in (("K", "N_per_m", "E[K]"), ("M", "ug", "E[M]")):
-        label = {"K": r"K \[N/m]", "M": r"M \[µg]"}[name]
+        label = {"K": "K [N/m]", "M": "M [µg]"}[name]
         row(label, [f"{s[f'{name}_lower_{unit}']:.2f}–{s[f'{name}_upper_{unit}']:.2f}" for s in summaries.values()])
         row(f"  mean {name}", [f"{s[f'{name}_mean_{unit}']:.3f}" for s in summaries.values()], printed)
         row(f"  sd {name}", [f"{s[f'{name}_sd_{unit}']:.3f}" for s in summaries.values()])
-    row(r"U_pi \[V]", [f"{s['U_pi_lower_V']:.1f}–{s['U_pi_upper_V']:.1f}" for s in summaries.values()])
+    row("U_pi [V]", [f"{s['U_pi_lower_V']:.1f}–{s['U_pi_upper_V']:.1f}" for s in summaries.values()])
     row("  mean switch", [f"{s['U_pi_mean_switch_V']:.2f}" for s in summaries.values()])
     wide_console().print(table)
