@@ -145,7 +145,8 @@ def test_a_resonance_alone_is_refused(tmp_path: Path) -> None:
     path.write_text("D_um,G_um,resonance_kHz\n" + "1.6,2.5,30\n" * 9)
     done = CliRunner().invoke(main, ["calibrate", str(path), "-o", str(tmp_path / "fit.toml")])
     assert done.exit_code == 2
-    assert "pull_in_V and resonance_kHz; K_N_per_m and resonance_kHz" in done.output.replace("\n", " ")
+    assert "no column 'pull_in_V'" in done.output
+    assert "needed: G_um, D_um, pull_in_V, resonance_kHz" in done.output.replace("\n", " ")
 
 
 @pytest.mark.slow

@@ -142,8 +142,8 @@ def test_columns_that_are_none_are_refused() -> None:
         simulate(switches, HARD, losses=Losses(quality_factor=np.array([3.0, 4.0])))
     with pytest.raises(LossesError, match=r"adhesion_uN of switch 2 is .*-1"):
         Losses(adhesion_uN=np.array([0.0, -1.0]))
-    with pytest.raises(LossesError, match=r"quality_factor is 0\.05"):
-        Losses(quality_factor=np.array([0.0, 0.05]))
+    with pytest.raises(LossesError, match=r"quality_factor is 0\.0005"):
+        Losses(quality_factor=np.array([0.0, 0.0005]))
     with pytest.raises(SimulationError, match=r"restitution of switch 1 is 1\.5"):
         simulate(switches, HARD, restitution=np.array([0.5, 1.5, 0.5]))
     with pytest.raises(SimulationError, match="restitution has shape"):
