@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from softclose.device.device import Device
 from softclose.device.drives import Drives
 from softclose.device.simulate import Responses
-from softclose.device.told import mean_switch, switches_of
+from softclose.device.told import mean_switch, sobol_switches
 from softclose.plugins import SINGLE_MODE
 from softclose.population import Population
 from softclose.population.lot import Lot
@@ -69,8 +69,7 @@ def _run(device: Device, switch: FloatArray, waveform: Waveform) -> Responses:
 def largest_holding_voltage(population: Population, device: Device) -> float:
     """Voltage [V] that holds every closed switch of the population, whatever its parameters within the bounds."""
     if device.modes is not None:
-        drawn = population.sample_parameters(_N_HELD, seed=0, sampling="sobol")
-        return float(device.holding_voltage(switches_of(population, device, drawn), sticks=False).max())
+        return float(device.holding_voltage(sobol_switches(population, device, _N_HELD), sticks=False).max())
     gap = population.G.upper
     # K D (G - D)² grows with K and G, and with D up to G/3.
     travel = min(max(gap / 3.0, population.D.lower), population.D.upper)

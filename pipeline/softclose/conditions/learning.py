@@ -20,7 +20,7 @@ from softclose.conditions.protocol import Condition, Coordinate, Surroundings, U
 from softclose.conditions.streams import Stream
 from softclose.conditions.trim import Trim, TrimSection, trim_of, within_limits
 from softclose.device.drives import Drives
-from softclose.device.told import switches_of
+from softclose.device.told import sobol_switches
 from softclose.population.lot import Lot
 from softclose.population.population import index_uniforms
 from softclose.waveform import FloatArray, Pulse, Waveform
@@ -69,9 +69,7 @@ class Protocol:
 
 def training_switches(trim: Trim) -> FloatArray:
     """(n, 4) switches of the lot that the regression is learned on."""
-    return switches_of(
-        trim.population, trim.device, trim.population.sample_parameters(_N_TRAINING, seed=0, sampling="sobol")
-    )
+    return sobol_switches(trim.population, trim.device, _N_TRAINING)
 
 
 def protocol_of(trim: Trim, *, actuations: int, error_us: float, max_volts: float) -> Protocol:

@@ -24,7 +24,7 @@ from softclose.conditions.streams import Stream
 from softclose.device.device import Device
 from softclose.device.drives import Drives, product
 from softclose.device.scaled import Scales
-from softclose.device.told import mean_switch, switches_of
+from softclose.device.told import mean_switch, sobol_switches
 from softclose.population.lot import Lot
 from softclose.population.population import Population, index_uniforms
 from softclose.switch.plate import resonance
@@ -212,9 +212,7 @@ def _reference(trim: Trim) -> tuple[float, float]:
 
 
 def _sample(trim: Trim) -> FloatArray:
-    return switches_of(
-        trim.population, trim.device, trim.population.sample_parameters(_N_REFERENCE, seed=0, sampling="sobol")
-    )
+    return sobol_switches(trim.population, trim.device, _N_REFERENCE)
 
 
 def _measured_on_sample(trim: Trim, switches: FloatArray) -> FloatArray:

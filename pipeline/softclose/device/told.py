@@ -58,6 +58,22 @@ def switches_of(population: Population, device: Device, parameters: FloatArray) 
     return switches
 
 
+def sobol_switches(population: Population, device: Device, n: int) -> FloatArray:
+    """Switches that stand for a lot in a device model, the same every time: n Sobol points, a power of 2.
+
+    Returns
+    -------
+    (n, 4) ndarray of float64
+        Columns D, G [µm], K [N/m], M [µg].
+
+    Raises
+    ------
+    PopulationError
+        As `switches_of`.
+    """
+    return switches_of(population, device, population.sample_parameters(n, seed=0, sampling="sobol"))
+
+
 def closing_summary(population: Population, modes: ReducedOrder, plate_area_um2: float) -> dict[str, float]:
     """Pull-in voltages of a lot in a reduced-order model [V], named as in `Population.summary`; of 4,096 switches."""
     device = Device(
@@ -70,8 +86,7 @@ def closing_summary(population: Population, modes: ReducedOrder, plate_area_um2:
         losses=Losses(),
         modes=modes,
     )
-    drawn = population.sample_parameters(_N_MEAN, seed=0, sampling="sobol")
-    volts = device.closing_voltage(switches_of(population, device, drawn))
+    volts = device.closing_voltage(sobol_switches(population, device, _N_MEAN))
     return {
         "U_pi_lower_V": float(volts.min()),
         "U_pi_upper_V": float(volts.max()),
@@ -83,6 +98,5 @@ def mean_switch(population: Population, device: Device) -> FloatArray:
     """The deterministic switch of a lot in a device model: (4,) E[D], E[G] [µm], E[K] [N/m], E[M] [µg]."""
     mean = np.asarray(population.mean_switch, dtype=np.float64)
     if "U_pi" in population.variables and device.modes is not None:
-        drawn = population.sample_parameters(_N_MEAN, seed=0, sampling="sobol")
-        mean[2:] = switches_of(population, device, drawn)[:, 2:].mean(axis=0)
+        mean[2:] = sobol_switches(population, device, _N_MEAN)[:, 2:].mean(axis=0)
     return mean

@@ -17,7 +17,7 @@ from softclose.compiled import cached_njit
 from softclose.conditions.trim import Trim
 from softclose.device.device import Device
 from softclose.device.scaled import effective
-from softclose.device.told import mean_switch, switches_of
+from softclose.device.told import mean_switch, sobol_switches
 from softclose.kernel.dispatch import devices
 from softclose.population import Population
 from softclose.switch.plate import closing_voltage, holding_voltage
@@ -48,7 +48,7 @@ class FewSwitches:
         moves alike, but for errors of measurement."""
 
         def drawn(n: int) -> FloatArray:
-            switches = switches_of(population, device, population.sample_parameters(n, seed=0, sampling="sobol"))
+            switches = sobol_switches(population, device, n)
             return switches if trim is None else effective(switches, trim.scales(trim.true(switches)))
 
         few, many = drawn(_N_SWITCHES), drawn(_N_STATIC)

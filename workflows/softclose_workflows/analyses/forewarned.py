@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softclose.device.told import switches_of
+from softclose.device.told import sobol_switches
 from softclose.evaluate.chain import chain_of
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.settings import CampaignConfig
@@ -17,11 +17,17 @@ _N = 4096
 
 def forewarnings(config: CampaignConfig) -> list[str]:
     """One sentence for each thing that a person should know before the campaign runs."""
-    if config.model.name == REDUCED_ORDER:
-        return [*_ringing(config), *_collapse(config), *_table(config), *_low_limit(config)]
-    if config.model.name != SINGLE_MODE:
+    if config.model.name not in (REDUCED_ORDER, SINGLE_MODE):
         return []  # another model may have no statics
-    return [*_fast_edges(config.waveform.min_rise_us), *_low_limit(config)]
+    switches = sobol_switches(config.build_population(), chain_of(config).device, _N)
+    if config.model.name == REDUCED_ORDER:
+        return [
+            *_ringing(config),
+            *_collapse(config, switches),
+            *_table(config, switches),
+            *_low_limit(config, switches),
+        ]
+    return [*_fast_edges(config.waveform.min_rise_us), *_low_limit(config, switches)]
 
 
 def _fast_edges(rise_us: float) -> list[str]:
@@ -44,15 +50,8 @@ def _ringing(config: CampaignConfig) -> list[str]:
     ]
 
 
-def _switches(config: CampaignConfig) -> FloatArray:
-    """(n, 4) switches of the lot, as its device model has them."""
-    population = config.build_population()
-    return switches_of(population, chain_of(config).device, population.sample_parameters(_N, seed=0, sampling="sobol"))
-
-
-def _collapse(config: CampaignConfig) -> list[str]:
+def _collapse(config: CampaignConfig, switches: FloatArray) -> list[str]:
     limit = config.waveform.max_volts
-    switches = _switches(config)
     volts = collapse_voltage(switches, config.build_reduced_order(), config.model.plate_area_um2)
     share = float((volts < limit).mean())
     if share == 0.0:
@@ -64,11 +63,10 @@ def _collapse(config: CampaignConfig) -> list[str]:
     ]
 
 
-def _table(config: CampaignConfig) -> list[str]:
+def _table(config: CampaignConfig, switches: FloatArray) -> list[str]:
     modes = config.build_reduced_order()
     if modes.capacitance is None:
         return []
-    switches = _switches(config)
     unit = modes.mode[0].electrode / modes.mode[0].contact
     deepest = float((unit * switches[:, 0] / switches[:, 1]).max()) * modes.capacitance.gap_um
     begins = float(modes.capacitance.slope()[0][0])
@@ -81,9 +79,9 @@ def _table(config: CampaignConfig) -> list[str]:
     ]
 
 
-def _low_limit(config: CampaignConfig) -> list[str]:
+def _low_limit(config: CampaignConfig, switches: FloatArray) -> list[str]:
     limit = config.waveform.max_volts
-    volts = chain_of(config).device.closing_voltage(_switches(config))
+    volts = chain_of(config).device.closing_voltage(switches)
     share = float((volts > limit).mean())
     if share == 0.0:
         return []
