@@ -67,7 +67,6 @@ def create(path: Path, stage: StageLayout, *, thin: bool = False) -> Layout:
         stages=(stage,), times_us=np.empty(0) if thin else TIMES_US, max_impacts=0 if thin else MAX_IMPACTS, n_pulses=3
     )
     columns = {"D": p[:, 0], "G": p[:, 1], "E": p[:, 2], "T": p[:, 3], "K": s[:, 2], "M": s[:, 3]}
-    columns |= {"voltage_scale": np.ones(n), "time_scale": np.ones(n)}
     create_campaign(path, layout=layout, config={"benchmark": n}, population=columns, algorithm="benchmark")
     return layout
 
