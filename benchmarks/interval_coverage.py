@@ -337,6 +337,8 @@ NEED_ALL = ("mean V", "CVaR", "g of CVaR", "excess")
 
 
 def main() -> None:
+    import coverage_of_analyses as analyses  # beside this file, which tests load by its path
+
     sections: dict[str, Callable[[int], None]] = {
         "figures": lambda r: _table(
             "Figures of one waveform",
@@ -352,6 +354,12 @@ def main() -> None:
             "\n## Races\n\n| rare p_nc | hold |\n| ---: | ---: |\n"
             + "\n".join(f"| {rare:g} | {races(rare, r):.3f} |" for rare in (2e-3, 1e-3, 5e-4))
         ),
+    }
+    sections |= {
+        "tails": analyses.print_tails,
+        "sensitivity": analyses.print_sensitivity,
+        "fitted": analyses.print_fitted,
+        "devices": analyses.print_devices,
     }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sections", nargs="*", help=f"which of {', '.join(sections)} [all]")

@@ -1,0 +1,194 @@
+"""Coverage of the intervals of the analyses that make their own: tails, Sobol' indices, fitted lots, `propagate`.
+
+Sections of benchmarks/interval_coverage.py, which is the command. Switches whose V is a stated function of their
+coordinates stand in for the simulator, so that the truth is a closed form; `propagate` is simulated.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from softclose import Waveform
+from softclose.conditions.streams import Ensemble
+from softclose.evaluate import draw, evaluate
+from softclose.population import load_population
+from softclose.population.calibrate import calibrate
+from softclose.population.distributions import Bounded
+from softclose.population.fit import fit
+from softclose.population.measurements import Measurements
+from softclose.population.population import switches_from_parameters
+from softclose.settings import load_config
+from softclose.switch.plate import pull_in_voltage
+from softclose.uncertainty import devices, sensitivity, tails
+
+FloatArray = NDArray[np.float64]
+
+DRIVE = Waveform.from_rows([(0.0, 4.0, 3.2, 150.0), (25.0, 20.0, None, 75.0)])
+SOFT = Waveform.from_rows([(0.0, 4.0, 4.78, 84.95), (32.46, 4.33, 6.2, 149.76), (45.94, 13.24, None, 75.39)])
+DIRECTION = np.array([0.5, -0.5, 0.5, 0.5])
+
+
+def _heading(title: str, columns: Iterable[str]) -> None:
+    names = list(columns)
+    print(f"\n## {title}\n\n| " + " | ".join(names) + " |\n|" + " --- |" * len(names))
+
+
+def _shares(held: Iterator[NDArray[np.bool_]], repetitions: int) -> FloatArray:
+    """Coverage of each of several intervals; one line a thousand repetitions on standard error."""
+    total: Any = 0
+    for k in range(repetitions):
+        total = total + next(held).astype(np.int64)
+        if (k + 1) % 1000 == 0:
+            print(f"{k + 1} of {repetitions}", file=sys.stderr, flush=True)
+    return np.asarray(total / repetitions)
+
+
+def known_tails() -> ExitStack:
+    """A lot whose V is normal, 10 + 2 z cm/s, where z is along a fixed direction of its coordinates."""
+
+    def measure(space: Any, u: FloatArray) -> FloatArray:
+        space.n += len(u)
+        return 10.0 + 2.0 * (u @ DIRECTION)
+
+    def drawn(config: Any, n: int, *, seed: int, start: int, ensemble: Ensemble) -> FloatArray:
+        return np.random.default_rng((seed, start)).standard_normal((n, DIRECTION.size))
+
+    stack = ExitStack()
+    for name, value in (("lot", lambda space, u: u), ("measure", measure)):
+        stack.enter_context(patch.object(tails._Space, name, value))
+    stack.enter_context(patch.object(tails, "draw", drawn))
+    return stack
+
+
+def print_tails(repetitions: int, error: float = 0.2) -> None:
+    """Brute force, importance and subset sampling of a probability known by a closed form."""
+    _heading(
+        f"Tails (relative error {error:g})", ("p", "repetitions", "brute, 2,000 switches", "importance", "subset")
+    )
+    config = load_config({})
+    with known_tails():
+        for p in (0.6, 0.08, 0.02, 1e-4):
+            limit = 10.0 + 2.0 * float(norm.isf(p))
+
+            def held(p: float = p, limit: float = limit) -> Iterator[NDArray[np.bool_]]:
+                seed = 0
+                while True:
+                    rows = tails.tail(
+                        config, DRIVE, "fast", limit_cm_s=limit, methods=("brute", "importance", "subset"),
+                        n_switches=2_000, relative_error=error, seed=seed,
+                    )  # fmt: skip
+                    yield np.array([r.interval[0] <= p <= r.interval[1] for r in rows])
+                    seed += 1
+
+            shares = _shares(held(), repetitions)
+            print(f"| {p:g} | {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
+
+
+Surface = Callable[[FloatArray], FloatArray]
+
+SURFACES: dict[str, tuple[Surface, FloatArray, FloatArray]] = {
+    # On uniforms centred at 0; first and total shares of the first four variables.
+    "additive, 1 : 2 : 3 : 4": (
+        lambda x: x @ np.array([1.0, 2.0, 3.0, 4.0]),
+        np.array([1.0, 4.0, 9.0, 16.0]) / 30.0,
+        np.array([1.0, 4.0, 9.0, 16.0]) / 30.0,
+    ),
+    # x1 + x1 x2 / s with s the deviation of x: the product has the variance of x1.
+    "half an interaction": (
+        lambda x: x[:, 0] * (1.0 + x[:, 1] * math.sqrt(12.0)),
+        np.array([0.5, 0.0, 0.0, 0.0]),
+        np.array([1.0, 0.5, 0.0, 0.0]),
+    ),
+    "a step at 0.9": (lambda x: (x[:, 0] > 0.4).astype(float), np.array([1.0, 0, 0, 0]), np.array([1.0, 0, 0, 0])),
+}
+
+
+def print_sensitivity(repetitions: int, n: int = 256) -> None:
+    """First-order and total Sobol' indices of surfaces that have them in closed form: the least over variables."""
+    _heading(f"Sobol' indices ({n} points, 8 scramblings)", ("surface", "repetitions", "first", "total"))
+    population = load_population("current")
+    for name, (surface, first, total) in SURFACES.items():
+
+        def respond(config: Any, lot: FloatArray, waveform: Any, surface: Surface = surface) -> Any:
+            v = surface(lot)
+            return SimpleNamespace(
+                max_contact_speed=v / sensitivity.CM_S, closed=np.arange(v.size) % 2 == 0,
+                status=np.zeros(v.size, dtype=np.int8), settling_us=np.zeros(v.size),
+            )  # fmt: skip
+
+        def realised(config: Any, u: dict[str, FloatArray]) -> FloatArray:
+            return np.column_stack(list(u.values()))[:, :4] - 0.5
+
+        truth = np.stack([first, total])
+
+        def held(truth: FloatArray = truth) -> Iterator[NDArray[np.bool_]]:
+            seed = 0
+            while True:
+                rows = sensitivity.sensitivity(population, DRIVE, n=n, seed=seed).indices[:4]
+                ends = np.array([[r.first_interval for r in rows], [r.total_interval for r in rows]])
+                slack = 1e-9
+                yield (ends[..., 0] <= truth + slack) & (truth <= ends[..., 1] + slack)
+                seed += 1
+
+        with patch.object(sensitivity, "respond", respond), patch.object(sensitivity, "realise", realised):
+            shares = _shares(held(), repetitions).min(axis=1)
+        print(f"| {name} | {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
+
+
+def print_fitted(repetitions: int, lots: int = 500) -> None:
+    """Numbers of a Beta with alpha + beta = 4 fitted to a handful of devices, bounds unknown."""
+    names = ("lower", "upper", "mean", "sd")
+    _heading(f"Fitted lots ({lots} lots tried)", ("devices", "alpha", "repetitions", *names))
+    for n in (12, 60):
+        for alpha in (1.07, 1.3, 2.0, 2.7):
+            true = Bounded(lower=1.0, upper=3.0, alpha=alpha, beta=4.0 - alpha)
+            truth = [true.lower, true.upper, true.mean, true.sd]
+
+            def held(n: int = n, true: Bounded = true, truth: list[float] = truth) -> Iterator[NDArray[np.bool_]]:
+                rng = np.random.default_rng((n, round(100 * true.alpha)))
+                seed = 0
+                while True:
+                    values = true.lower + (true.upper - true.lower) * rng.beta(true.alpha, true.beta, n)
+                    numbers = fit(values, "beta", n_bootstrap=lots, seed=seed).numbers
+                    yield np.array([
+                        numbers[k].interval[0] <= t <= numbers[k].interval[1] for k, t in zip(names, truth, strict=True)
+                    ])  # fmt: skip
+                    seed += 1
+
+            shares = _shares(held(), repetitions)
+            print(f"| {n} | {alpha:g} | {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
+
+
+def print_devices(repetitions: int, n_devices: int = 12, lots: int = 80, switches: int = 800) -> None:
+    """`propagate` without bounds: devices of the lot `current`, the soft waveform, simulated."""
+    config, true = load_config("current"), load_population("current")
+    right = evaluate(config, draw(config, 200_000, seed=10_000, sampling="sobol"), SOFT)
+    truth = {"v_u_cm_s": right.v_u_cm_s, "p_nc": right.p_nc}
+    _heading(f"What {n_devices} devices leave open ({lots} lots of {switches})", ("repetitions", "v_u", "p_nc"))
+
+    def held() -> Iterator[NDArray[np.bool_]]:
+        seed = 0
+        while True:
+            p = true.sample_parameters(n_devices, seed=seed + 1)
+            measured = Measurements(
+                device=tuple(map(str, range(n_devices))), G_um=p[:, 1], D_um=p[:, 0], T_um=p[:, 3],
+                pull_in_V=pull_in_voltage(switches_from_parameters(p)),
+            )  # fmt: skip
+            fitted = calibrate(measured, n_bootstrap=20).population
+            found = devices.propagate(config, SOFT, fitted, n_devices, n_lots=lots, n_switches=switches, seed=seed)
+            ends = [found.interval(name) for name in truth]
+            yield np.array([low <= t <= high for (low, high), t in zip(ends, truth.values(), strict=True)])
+            seed += 1
+
+    shares = _shares(held(), repetitions)
+    print(f"| {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
