@@ -13,8 +13,10 @@ from numba import njit
 
 from softclose.compiled import cached_njit
 
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-_SAMPLES = 16
+_EXACT = 1e-10
+"""To which the largest sum is found, relative."""
+_STACK = 64
+"""Cells that wait: one a halving, and 1e-10 is reached after some twenty."""
 
 
 @njit(inline="always")
@@ -38,13 +40,14 @@ def _at(rows, n, t):  # type: ignore[no-untyped-def]
 
 @njit(inline="always")
 def _largest(rows, n, begin, end, floor):  # type: ignore[no-untyped-def]
-    """The larger of floor and the largest sum of the first n pulses in [begin, end], to about 1e-10 relative.
+    """The larger of floor and the largest sum of the first n pulses in [begin, end], to 1e-10 relative.
 
     Between knots every pulse is monotone, so the sum of their larger ends bounds the sum; where that bound is above
-    what was found, the interval is sampled, and its best sample polished by golden sections unless the curvature says
-    that nothing higher can hide between two samples.
+    what was found, the interval is halved until no cell can hide anything higher. What a cell can hide follows from
+    its ends and the largest curvature C that the pulses can add up to: u stays below the parabola of curvature -C
+    through both ends (branch and bound; no local maximum is missed).
     """
-    knots = np.empty(4 * n + 2)
+    knots, cells = np.empty(4 * n + 2), np.empty((_STACK, 4))
     knots[0] = begin
     m = 1
     for j in range(n):
@@ -75,23 +78,26 @@ def _largest(rows, n, begin, end, floor):  # type: ignore[no-untyped-def]
                 curvature += 0.5 * rows[j, 3] * (math.pi / rows[j, 1]) ** 2
         if bound <= best * (1.0 + 1e-12):
             continue
-        step = (b - a) / _SAMPLES
-        top, where = -1.0, 0
-        for k in range(_SAMPLES + 1):
-            u = _at(rows, n, a + k * step)
-            if u > top:
-                top, where = u, k
-        best = max(best, top)
-        if top + 0.125 * step * step * curvature <= best:
-            continue
-        low, high = max(a, a + (where - 1) * step), min(b, a + (where + 1) * step)
-        while high - low > 1e-5 * step:  # the maximum is flat: an error of 1e-5 in t is one of 1e-10 in u
-            left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-            if _at(rows, n, left) < _at(rows, n, right):
-                low = left
-            else:
-                high = right
-        best = max(best, _at(rows, n, 0.5 * (low + high)))
+        cells[0] = a, b, _at(rows, n, a), _at(rows, n, b)
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            left, right, u_left, u_right = cells[waiting]
+            width = right - left
+            lift, climb = 0.125 * curvature * width * width, abs(u_right - u_left)
+            top = max(u_left, u_right)
+            if climb < 4.0 * lift:
+                top = 0.5 * (u_left + u_right) + lift + climb * climb / (16.0 * lift)
+            if top <= best * (1.0 + _EXACT) or waiting + 2 > _STACK:
+                continue
+            half = 0.5 * (left + right)
+            u = _at(rows, n, half)
+            best = max(best, u)
+            # The higher half last: it is looked at first, and what it finds closes the other.
+            higher = u_right > u_left
+            cells[waiting] = (left, half, u_left, u) if higher else (half, right, u, u_right)
+            cells[waiting + 1] = (half, right, u, u_right) if higher else (left, half, u_left, u)
+            waiting += 2
     return best
 
 
