@@ -72,9 +72,7 @@ def known_tails() -> ExitStack:
 
 def print_tails(repetitions: int, error: float = 0.2) -> None:
     """Brute force, importance and subset sampling of a probability known by a closed form."""
-    _heading(
-        f"Tails (relative error {error:g})", ("p", "repetitions", "brute, 2,000 switches", "importance", "subset")
-    )
+    _heading(f"Tails (relative error {error:g})", ("p", "repetitions", "brute, 2,000 switches", "importance", "subset"))
     config = load_config({})
     with known_tails():
         for p in (0.6, 0.08, 0.02, 1e-4):
