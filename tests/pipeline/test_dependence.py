@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,7 +69,7 @@ def test_dependence_has_its_minimum_where_the_objective_has(learned: Dependence)
     assert learned.slice_cm_s[j].min() == pytest.approx(20.0, abs=0.3)
 
 
-def test_maps_agree_with_the_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_maps_agree_with_the_curves_through_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
     """A map's own average along the parameter that does not matter is the curve of the one that does."""
     monkeypatch.setattr(dependence, "NEAR", 9.0)
     of = problem()
@@ -77,7 +79,7 @@ def test_maps_agree_with_the_curves(monkeypatch: pytest.MonkeyPatch) -> None:
     place = next(k for k, pair in enumerate(learned.pairs) if j in pair)
     along = 0 if learned.pairs[place][0] == j else 1
     curve = learned.pair_cm_s[place].mean(axis=along)
-    expected = np.interp(learned.pair_grid[j], learned.grid[j], learned.mean_cm_s[j])
+    expected = np.interp(learned.pair_grid[j], learned.grid[j], learned.slice_cm_s[j])
     np.testing.assert_allclose(curve, expected, atol=0.3)
 
 
@@ -90,6 +92,49 @@ def test_a_map_says_nothing_where_no_candidate_is_near(learned: Dependence) -> N
             near = np.hypot(*(tried - (u[col], v[row])).T).min()
             assert np.isnan(values[row, col]) == (near > dependence.NEAR)
     assert np.isnan(learned.pair_cm_s).any()
+
+
+def test_the_best_candidate_lies_in_the_best_colours_of_every_map() -> None:
+    """In a valley that runs askew, an average over all candidates would not show it so."""
+    of = problem()
+    i, j = of.space.names.index("volts2"), of.space.names.index("delay2")
+    askew = []
+    for o in history(of, 90):
+        at = of.space.coordinates_of(o.waveform)
+        askew.append(replace(o, g_cm_s=float(20.0 + 40.0 * (at[i] + at[j] - 1.0) ** 2 - 4.0 * at[i])))
+    learned = surrogate_dependence(of, askew)
+    assert learned is not None
+    for (a, b), values in zip(learned.pairs, learned.pair_cm_s, strict=True):
+        row = int(np.argmin(np.abs(learned.pair_grid[b] - learned.incumbent[b])))
+        column = int(np.argmin(np.abs(learned.pair_grid[a] - learned.incumbent[a])))
+        if {a, b} & {i, j}:
+            assert values[row, column] - np.nanmin(values) < 0.1 * np.nanmax(values - np.nanmin(values))
+
+
+def test_leave_one_out_is_what_a_fit_without_that_candidate_foretells() -> None:
+    """The oracle: a plain Gaussian process on all but one, with the same covariance."""
+    rng = np.random.default_rng(8)
+    x, y = rng.random((12, 2)), rng.standard_normal(12)
+    covariance = np.exp(-((x[:, None] - x[None]) ** 2).sum(axis=2)) + 0.05 * np.eye(12)
+    found = dependence._left_out(np.linalg.cholesky(covariance), y, 4.0, float(np.median(y)))
+    assert len(found.error_cm_s) == 6
+    for place, i in enumerate(np.flatnonzero(y <= np.median(y))):
+        others = np.arange(12) != i
+        weights = np.linalg.solve(covariance[np.ix_(others, others)], covariance[others, i])
+        assert found.error_cm_s[place] == pytest.approx((weights @ y[others] - y[i]) / 4.0)
+        variance = covariance[i, i] - weights @ covariance[others, i]
+        assert found.sd_cm_s[place] == pytest.approx(np.sqrt(variance) / 4.0)
+
+
+def test_a_smooth_objective_is_foretold_and_noise_is_not(learned: Dependence) -> None:
+    assert len(learned.left_out.error_cm_s) == 30  # of 60, those at or below the median
+    assert learned.left_out.median_error_cm_s < 0.3
+    of, rng = problem(), np.random.default_rng(3)
+    noise = [replace(o, g_cm_s=float(20.0 + 10.0 * rng.random())) for o in history(of)]
+    blind = surrogate_dependence(of, noise)
+    assert blind is not None
+    assert blind.left_out.median_error_cm_s > 1.0
+    assert blind.left_out.share_inside > 0.7
 
 
 def test_too_short_a_history_says_nothing() -> None:

@@ -49,7 +49,7 @@ def test_candidates_are_ranked_by_what_they_do_on_fresh_switches(store: str) -> 
     assert [d.name for d in result.references] == ["unshaped", "deterministic"]
     assert result.references[0].assessment.v_u_cm_s == pytest.approx(41.6, abs=1.2)  # SPEC §7
     for d in result.candidates:
-        assert d.flattery_cm_s == d.assessment.g_cm_s - open_campaign(store).records()["g_cm_s"][d.candidate]
+        assert d.optimism_cm_s == d.assessment.g_cm_s - open_campaign(store).records()["g_cm_s"][d.candidate]
 
 
 def test_each_switch_is_the_simulation_of_a_fresh_switch(store: str) -> None:

@@ -6,9 +6,12 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from reported import chromium, hostile_store
+from softclose.waveform import Waveform
+from softclose_store import open_campaign
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
 
@@ -110,7 +113,9 @@ def test_picking_a_candidate_shows_its_waveform_and_metrics(visit: Visit) -> Non
     line = "() => document.querySelector('#fig-response .scatterlayer path.js-line').getAttribute('d')"
     drawn = page.evaluate(line)
     best = page.locator("#pick").input_value()
-    other = next(v for v in page.eval_on_selector_all("#pick option", "o => o.map(e => e.value)") if v != best)
+    other = next(
+        v for v in page.eval_on_selector_all("#place option", "o => o.map(e => e.value)") if v not in ("", best)
+    )
     page.locator(f'#table button[data-show="{other}"]').click()
     assert page.locator("#pick").input_value() == other
     assert page.locator("#pulses").inner_text() != before[0]
@@ -118,6 +123,24 @@ def test_picking_a_candidate_shows_its_waveform_and_metrics(visit: Visit) -> Non
     assert page.evaluate(line) != drawn
     page.locator("#pick-best").click()
     assert page.locator("#pick").input_value() == best
+
+
+def test_every_candidate_can_be_opened_by_its_number_and_shows_the_waveform_that_is_stored(visit: Visit) -> None:
+    page = visit.page
+    campaign = open_campaign(hostile_store())
+    usable = np.flatnonzero(np.isfinite(campaign.records()["g_cm_s"]))
+    assert len(usable) > 5
+    for i in usable.tolist():
+        page.locator("#pick").fill(str(i))
+        page.locator("#pick").press("Enter")
+        x, y = page.evaluate("() => { const d = document.getElementById('fig-response').data[0]; return [d.x, d.y]; }")
+        expected = Waveform.from_rows(campaign.waveform(i)).voltage(np.array(x))
+        np.testing.assert_allclose(y, expected, atol=0.05)
+        assert max(y) == pytest.approx(Waveform.from_rows(campaign.waveform(i)).max_voltage(250.0), abs=0.2)
+    page.locator("#pick").fill("999")
+    page.locator("#pick").press("Enter")
+    assert "does not hold it" in page.locator("#pick-said").inner_text()
+    page.locator("#pick-best").click()
 
 
 def test_page_follows_the_theme_and_fits_a_telephone_while_it_is_open(visit: Visit) -> None:
@@ -149,7 +172,7 @@ def test_print_holds_every_chart_in_the_light_theme_on_paper_s_width(visit: Visi
 
 def test_a_click_in_the_convergence_shows_the_candidate(visit: Visit) -> None:
     page = visit.page
-    worst = page.eval_on_selector_all("#pick option", "o => o.map(e => e.value)")[0]
+    worst = page.locator("#table tbody tr button.show").last.get_attribute("data-show")
     page.evaluate(
         f"() => document.getElementById('fig-convergence').emit('plotly_click', {{points: [{{x: {worst}}}]}})"
     )

@@ -94,7 +94,7 @@ def _judged(optimum: Any) -> Any:
     best = SimpleNamespace(
         waveform=optimum.best.waveform,
         assessment=assess(SimpleNamespace(max_contact_speed=speed, closed=speed < 0.19)),
-        flattery_cm_s=0.75,
+        optimism_cm_s=0.75,
     )
     references = [SimpleNamespace(assessment=SimpleNamespace(v_u_cm_s=v)) for v in (41.25, 33.5)]
     return SimpleNamespace(best=best, references=references)

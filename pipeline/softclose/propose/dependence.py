@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_solve
 from threadpoolctl import threadpool_limits
 
 from softclose.propose.protocol import Observation, Problem, search_history
@@ -21,6 +22,26 @@ FloatArray = NDArray[np.float64]
 
 MIN_CANDIDATES = 5
 """Usable candidates below which a surrogate says nothing worth printing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOut:
+    """How well the process foretells each candidate from all the others, n of them."""
+
+    error_cm_s: FloatArray
+    """(n,) foretold g minus the recorded one [cm/s]."""
+    sd_cm_s: FloatArray
+    """(n,) the process's own standard deviation of that [cm/s], noise included."""
+
+    @property
+    def median_error_cm_s(self) -> float:
+        """Median of the errors' magnitude [cm/s]."""
+        return float(np.median(np.abs(self.error_cm_s)))
+
+    @property
+    def share_inside(self) -> float:
+        """Share of the candidates that lie within two standard deviations of what was foretold."""
+        return float(np.mean(np.abs(self.error_cm_s) <= 2.0 * self.sd_cm_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,10 +67,13 @@ class Dependence:
     pair_grid: FloatArray
     """(d, n_pair_grid) values of each parameter in the pairs' maps."""
     pair_cm_s: FloatArray
-    """(n_pair, n_pair_grid, n_pair_grid) partial dependence; the first of the pair runs along the last axis [cm/s]. NaN
-    where no candidate is near."""
+    """(n_pair, n_pair_grid, n_pair_grid) expected g with all other parameters at the best point [cm/s]: an average over
+    the candidates would show the best one among the worst. The first of the pair runs along the last axis; NaN where no
+    candidate is near."""
     tried: FloatArray
     """(n, d) the candidates of the fit, in physical units."""
+    left_out: LeftOut
+    """Leave-one-out errors of the candidates whose g was not cut off."""
 
 
 def surrogate_dependence(
@@ -61,7 +85,7 @@ def surrogate_dependence(
     n_average: int = 48,
     max_pairs: int = 21,
 ) -> Dependence | None:
-    """One- and two-dimensional partial dependence of g, from a fit to the recorded search.
+    """How g depends on one parameter and on two, from a fit to the recorded search.
 
     None where fewer than MIN_CANDIDATES usable candidates lie in the search space, or the process cannot be fitted.
     g far above its median is cut off before the fit: high plateaus are lower bounds, and the logarithm that the engine
@@ -102,8 +126,9 @@ def surrogate_dependence(
         first, second = np.meshgrid(coarse, coarse)
         both = np.column_stack([first.ravel(), second.ravel()])
         pairs = tuple(sorted(combinations(range(d), 2), key=lambda p: float(scales[p[0]] * scales[p[1]])))[:max_pairs]
+        left_out = _left_out(model.L_, model.y_train_, per_cm_s, float(np.median(y)))
         maps = [
-            np.where(_near(data.points[:, pair], both), _averaged(expected, average, pair, both), np.nan)
+            np.where(_near(data.points[:, pair], both), _averaged(expected, point[None], pair, both), np.nan)
             for pair in pairs
         ]
     axes = problem.space.coordinates
@@ -118,8 +143,22 @@ def surrogate_dependence(
         pairs=pairs,
         pair_grid=np.array([c.value(coarse) for c in axes]),
         tried=np.array([c.value(data.points[:, i]) for i, c in enumerate(axes)]).T,
+        left_out=left_out,
         pair_cm_s=np.array(maps).reshape(len(pairs), n_pair_grid, n_pair_grid),
     )
+
+
+def _left_out(factor: FloatArray, y: FloatArray, per_cm_s: float, most: float) -> LeftOut:
+    """Leave-one-out in closed form, Eqs. 5.10-5.12 of Rasmussen and Williams (2006): one factor serves all n.
+
+    factor: (n, n) Cholesky's, of the covariance with noise, rows as y. most: largest y that counts; what lies above was
+    cut off. Hyperparameters stay those of the fit to all.
+    """
+    kept = y <= most
+    inverse = cho_solve((factor, True), np.eye(len(y)))
+    variance = 1.0 / np.diag(inverse)
+    error = -(inverse @ y) * variance
+    return LeftOut(error_cm_s=error[kept] / per_cm_s, sd_cm_s=np.sqrt(variance[kept]) / per_cm_s)
 
 
 NEAR = 0.15

@@ -39,6 +39,7 @@ class Surrogate(GaussianProcessRegressor):  # type: ignore[misc]
     L_: FloatArray
     alpha_: FloatArray
     X_train_: FloatArray
+    y_train_: FloatArray
 
     def predict(self, X: Any, return_std: bool = False, **options: Any) -> Any:
         if not return_std or options:

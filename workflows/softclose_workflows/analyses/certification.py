@@ -51,7 +51,7 @@ class Certified:
     """What the campaign believed; None for a reference design."""
 
     @property
-    def flattery_cm_s(self) -> float:
+    def optimism_cm_s(self) -> float:
         """Certified g minus training g [cm/s]: how much the training ensemble flattered it. NaN for a reference."""
         return math.nan if self.training is None else self.assessment.g_cm_s - self.training.g_cm_s
 

@@ -47,7 +47,7 @@ def print_certification(result: Certification) -> None:
     if best.training is not None:
         console.print(
             f"  the training ensemble ({best.training.n_switches:,} switches) said g {best.training.g_cm_s:.2f}: "
-            f"certified {best.flattery_cm_s:+.2f} cm/s"
+            f"certified {best.optimism_cm_s:+.2f} cm/s"
         )
     for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
@@ -119,7 +119,7 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
                 "p_nc": d.training.p_nc,
                 "n_switches": d.training.n_switches,
             },
-            "flattery_cm_s": d.flattery_cm_s,
+            "optimism_cm_s": d.optimism_cm_s,
             **d.assessment.to_dict(),
         }
 

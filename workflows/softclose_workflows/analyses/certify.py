@@ -20,7 +20,7 @@ from softclose.metrics.objective import Judged
 from softclose.opening import Opening, OpeningError, Openings, assess_opening, joined, let_go
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose.waveform import Drive, FloatArray, Waveform
+from softclose.waveform import Drive, Waveform
 from softclose_store import Campaign, StoreMissingError, group_attributes, open_campaign
 from softclose_workflows.analyses.certificates import name_of, read_certificate, request_of, write_certificate
 from softclose_workflows.analyses.certificates import read_certification as read_certification
@@ -29,6 +29,7 @@ from softclose_workflows.analyses.certification import Certified as Certified
 from softclose_workflows.analyses.certification import CertifyError as CertifyError
 from softclose_workflows.analyses.certification import Request, assemble, candidate_name
 from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
+from softclose_workflows.analyses.distinct import distinct
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
 from softclose_workflows.run.opening import designed_opening
@@ -243,14 +244,11 @@ def choose_distinct(campaign: Campaign, config: CampaignConfig, top: int) -> tup
     table = campaign.records()
     promise = np.where(table["failed"], math.inf, table["g_cm_s"] + np.nan_to_num(table["g_se_cm_s"]))
     order = [best.candidate, *(int(i) for i in np.argsort(promise, kind="stable") if np.isfinite(promise[i]))]
-    t = np.linspace(0.0, config.model.horizon_us, 1001)
-    chosen: list[int] = []
-    shapes: list[FloatArray] = []
-    for i in order:
-        shape = Waveform.from_rows(campaign.waveform(i)).voltage(t)
-        if all(np.sqrt(np.mean((shape - other) ** 2)) >= DISTINCT_VOLTS for other in shapes):
-            chosen.append(i)
-            shapes.append(shape)
-        if len(chosen) == top:
-            break
+    chosen = distinct(
+        order,
+        lambda i: Waveform.from_rows(campaign.waveform(i)),
+        until_us=config.model.horizon_us,
+        apart_V=DISTINCT_VOLTS,
+        most=top,
+    )
     return best.candidate, chosen

@@ -182,7 +182,7 @@ def certify(
     else:
         found, _ = certify_within(path, within_cm_s, **options)
     rows = [
-        {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.flattery_cm_s}
+        {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.optimism_cm_s}
         for d in (*found.candidates, *found.references)
     ]
     return Result(value=found, title=f"{path} on {found.n_switches:,} fresh switches", rows=rows)

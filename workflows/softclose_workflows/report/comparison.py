@@ -13,6 +13,7 @@ from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.gather import gather
 from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.needs import check_fresh
+from softclose_workflows.tell.labels import count
 from softclose_workflows.tell.plain import waveform_rows
 
 
@@ -42,7 +43,7 @@ class Entry:
         """What its figures come from."""
         if self.design is None:
             return "no usable candidate"
-        n = f"{self.design.assessment.n:,}".replace(",", "\u202f")
+        n = count(self.design.assessment.n)
         return f"{n} fresh switches" if self.is_fair else f"{n} training switches"
 
 

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.metrics.objective import CM_S, Assessment, Response, in_time
+from softclose.metrics.paired import Comparison, compare
 from softclose.opening import Openings
 from softclose.propose.dependence import Dependence
+from softclose.propose.origins import NSGA2
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_workflows.analyses.certify import Certification
@@ -62,7 +64,13 @@ class Design:
     closed: NDArray[np.bool_]
     """(n,) which count as closed."""
     assessment: Assessment
+    response: Response
+    """What the switches did."""
     traces: Traces | None = None
+
+    def against(self, other: Design) -> Comparison:
+        """This design compared with another one, switch by switch, on the same switches."""
+        return compare((self.response, self.assessment), (other.response, other.assessment), self.assessment.confidence)
 
     @classmethod
     def of(cls, response: Response, assessment: Assessment, **about: Any) -> Design:
@@ -71,6 +79,7 @@ class Design:
             speed_cm_s=np.asarray(response.max_contact_speed) * CM_S,
             closed=in_time(response, assessment.closed_by_us),
             assessment=assessment,
+            response=response,
             **about,
         )
 
@@ -136,7 +145,7 @@ class Candidates:
 
     @property
     def ranked(self) -> list[int]:
-        """All of them: the largest ensemble first, since a small one flatters, then by g; those without g last."""
+        """All of them: the largest ensemble first, since scores on a small one are optimistic, then by g; those without g last."""
         g = self.columns["g_cm_s"]
         return sorted(range(len(self)), key=lambda i: (math.isnan(g[i]), -int(self.n_switches[i]), g[i]))
 
@@ -162,10 +171,12 @@ class ReportData:
     """On the training switches: the best candidate first (if any), then the designs that it is compared with."""
     edges_cm_s: FloatArray
     """Edges of the histograms of V, the same for every candidate [cm/s]."""
+    places: tuple[int, ...]
+    """The best candidate, then the best of each other place of the search, or places along the front."""
     shares: dict[int, FloatArray]
-    """Histogram of V of each candidate that a reader may pick, in per cent of its ensemble, by index."""
+    """Histogram of V of each of these, in per cent of its ensemble, by index."""
     samples: dict[int, Traces]
-    """A few switches of each candidate that a reader may pick, by index."""
+    """A few switches of each of these, by index."""
     missing_references: dict[str, str]
     """Reference designs that there is nothing to show of on the training switches, and why."""
     trim: TrimShown | None
@@ -196,6 +207,11 @@ class ReportData:
     def has_intervals(self) -> bool:
         """False for quasi-random ensembles, for which no interval holds."""
         return self.config.population.sampling != "sobol"
+
+    @property
+    def is_front(self) -> bool:
+        """Whether the campaign searches for a front and not for one waveform."""
+        return self.config.optimiser.engine == NSGA2
 
     @property
     def finished(self) -> bool:

@@ -47,7 +47,8 @@ def front(found: Front, candidates: Candidates) -> Chart:
             "y": numbers(_shown(found, others, y)),
             "mode": "markers",
             "marker": {"color": "@unshaped/0.35", "size": 4},
-            "hoverinfo": "skip",
+            "customdata": [int(i) for i in others],
+            "hovertemplate": "candidate %{customdata}<extra></extra>",
         },
         {
             "name": "the front",
@@ -64,17 +65,25 @@ def front(found: Front, candidates: Candidates) -> Chart:
             **_bars(found, candidates, on, "error_x", x),
         },
     ]
-    top = 1.25 * float(_shown(found, on, y).max())
+    spans = {name: _span(_shown(found, on, name)) for name in (x, y)}
     return {
         "data": traces,
         "layout": layout(
-            axis(TITLES[x], rangemode="tozero"),
-            axis(TITLES[y], range=[0.0, top]),
+            axis(TITLES[x], range=spans[x]),
+            axis(TITLES[y], range=spans[y]),
             showlegend=True,
             height=420,
+            clickmode="event",
         ),
         "alt": f"{on.size} candidates that no other beats, {TITLES[y]} over {TITLES[x]}.",
     }
+
+
+def _span(values: FloatArray) -> list[float]:
+    """Where an axis begins and ends so that the front fills it: from 0 only where the front comes near to 0."""
+    low, high = float(values.min()), float(values.max())
+    room = 0.08 * (high - low) or 0.05 * abs(high) or 1.0
+    return [-0.5 * room if low < 0.3 * high else low - room, high + room]
 
 
 def growth(found: Front) -> Chart:

@@ -18,12 +18,14 @@ from softclose.metrics.objective import CM_S
 from softclose.opening import Openings
 from softclose.population.lot import Lot
 from softclose.propose.dependence import Dependence, surrogate_dependence
+from softclose.propose.origins import NSGA2
 from softclose.propose.protocol import Observation, Problem
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_store.schema.fields import SURROGATE_PREFIX
 from softclose_workflows.analyses.certify import Certification, read_certification
-from softclose_workflows.analyses.front import front_of
+from softclose_workflows.analyses.distinct import APART_V, distinct, last_change_us
+from softclose_workflows.analyses.front import Front, front_of
 from softclose_workflows.analyses.references import simulate_references
 from softclose_workflows.report.conditions import over_temperature, plainer
 from softclose_workflows.report.data import (
@@ -46,8 +48,8 @@ if TYPE_CHECKING:
 N_BEST_TRACES = 100
 """Switches of the best candidate whose motion is drawn: more of them only make the picture darker."""
 
-MAX_PICKS = 12
-"""Candidates that a reader may pick; of a longer campaign those of smallest g."""
+MAX_PLACES = 12
+"""Different places of the search, or places on a front, whose switches' motion a page carries."""
 
 ENDS = ("_lower", "_upper", "_lower_cm_s", "_upper_cm_s", "_lower_us", "_upper_us")
 """How columns end that are ends of intervals."""
@@ -72,7 +74,9 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
     index = None if best is None else best.candidate
     if certification is not None:
         index = certification.best.candidate
-    chosen = _picks(candidates, index) if picks else [] if index is None else [index]
+    front = front_of(history, config)
+    places = _places(candidates, index, config, front) if picks else () if index is None else (index,)
+    chosen = sorted(places)
     edges = speed_edges(float(np.fmax.reduce(candidates.columns["max_cm_s"][chosen], initial=0.0)))
     designs, missing = _designs(campaign, config, index)
     shares, samples = _read_picks(campaign, config, chosen, edges)
@@ -95,7 +99,8 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         temperature=over_temperature(config, designs),
         plainer=None if index is None else plainer(config, designs[0], Lot(campaign.population())),
         openings=_openings(path, index, certification),
-        front=front_of(history, config),
+        front=front,
+        places=places,
         edges_cm_s=edges,
         shares=shares,
         samples=samples if picks else {},
@@ -137,11 +142,24 @@ def _waveform(rows: FloatArray) -> Waveform | None:
     return None if np.isnan(rows).all() else Waveform.from_rows(rows)
 
 
-def _picks(candidates: Candidates, best: int | None) -> list[int]:
-    """Candidates that a reader may pick, in order of their index."""
+def _places(candidates: Candidates, best: int | None, config: CampaignConfig, front: Front | None) -> tuple[int, ...]:
+    """The best candidate, then the best of each other place of the search; of a campaign for a front, along it."""
+    if best is None:
+        return ()
+    if front is not None and config.optimiser.engine == NSGA2:
+        along = sorted(front.candidates, key=lambda i: front.values[i, 0])
+        spread = np.unique(np.linspace(0, len(along) - 1, MAX_PLACES).round().astype(int)) if along else []
+        return (best, *(along[k] for k in spread if along[k] != best))
     usable = ~candidates.failed & np.isfinite(candidates.columns["g_cm_s"])
-    order = [i for i in candidates.ranked if usable[i]][:MAX_PICKS]
-    return sorted({*order} | ({best} if best is not None else set()))
+    kept = candidates.waveforms[best]
+    assert kept is not None
+
+    def waveform_of(i: int) -> Waveform:
+        return candidates.waveforms[i] or kept
+
+    order = [best, *(i for i in candidates.ranked if usable[i] and i != best)]
+    until = last_change_us(kept, config.model.horizon_us)
+    return tuple(distinct(order, waveform_of, until_us=until, apart_V=APART_V, most=MAX_PLACES))
 
 
 def _traces(campaign: Campaign, i: int, responses: StoredResponses, travel_um: FloatArray, step: int) -> Traces | None:

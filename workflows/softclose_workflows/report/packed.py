@@ -45,12 +45,6 @@ def pack_traces(traces: Traces) -> dict[str, Any]:
     }
 
 
-def pack_waveform(waveform: Waveform, horizon_us: float) -> list[list[float]]:
-    """u(t) as points [µs, V]: exact at every knot, 24 points on each ramp."""
-    times, volts = waveform_points(waveform, horizon_us)
-    return [[round(t, 3), round(u, 3)] for t, u in zip(times.tolist(), volts.tolist(), strict=True)]
-
-
 def waveform_points(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, FloatArray]:
     """u(t) for drawing: times [µs], volts. An ideal step has two points at its instant."""
     knots = [waveform.breakpoints(horizon_us), np.array([0.0, horizon_us])]

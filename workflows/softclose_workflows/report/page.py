@@ -19,9 +19,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softclose import __version__
+from softclose.propose.origins import label_of
 from softclose_workflows.report import charts, condition_charts, front_charts, packed, shapes
 from softclose_workflows.report.data import Design, ReportData
-from softclose_workflows.report.summary import candidate_rows, front_words, headline, metrics, opening_rows, provenance
+from softclose_workflows.report.headline import headline
+from softclose_workflows.report.summary import candidate_rows, front_words, metrics, opening_rows, provenance
 from softclose_workflows.tell import labels
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 def render_report(data: ReportData) -> str:
     """The whole page."""
+    from markupsafe import Markup
+
     figures, picks = _figures(data), _picks(data)
     return render(
         "report.html.j2",
@@ -37,13 +41,17 @@ def render_report(data: ReportData) -> str:
             "palettes": labels.PALETTE,
             "figures": {name: _drawn(chart) for name, chart in figures.items()},
             "picks": picks,
+            "metrics": [] if data.best is None else [row[0] for row in metrics(data, data.best)],
             "best": data.best,
             "horizon": data.config.model.horizon_us,
         },
         data=data,
         figures=figures,
         picks=picks,
-        headline=headline(data),
+        metrics=[] if data.best is None else metrics(data, data.best),
+        headline=(top := headline(data)),
+        picture=Markup(top.get("picture", "")),
+        places_g=[labels.number(data.candidates.columns["g_cm_s"][i], 2) for i in data.places],
         candidates=candidate_rows(data),
         provenance=provenance(data),
         dependence=data.dependence,
@@ -91,13 +99,15 @@ def _filled(template: str, scripts: dict[str, str], **context: Any) -> str:
 def _environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("softclose_workflows.report", "assets"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["count"] = labels.count
+    return environment
 
 
 @lru_cache(maxsize=1)
@@ -191,27 +201,34 @@ def _pair_names(data: ReportData) -> list[str]:
     return [f"{names[i]} × {names[j]}" for i, j in data.dependence.pairs]
 
 
+MOST_PICKS = 5000
+"""Candidates that a page can show one by one: a megabyte of it. Of a longer campaign these are the first in rank."""
+
+
 def _picks(data: ReportData) -> dict[int, dict[str, Any]]:
-    """What the page can show of each candidate that a reader may pick."""
+    """What the page can show of each candidate: of all their waveform and metrics, of the places their switches too."""
     if data.best is None:
         return {}
-    horizon = data.config.model.horizon_us
     best = data.designs[0].traces
-    picks = {}
-    for i in sorted(data.shares):
-        traces = best if i == data.best and best is not None else data.samples.get(i)
+    columns, picks = data.candidates.columns, {}
+    for i in sorted({*data.candidates.ranked[:MOST_PICKS], *data.places}):
         waveform = data.candidates.waveforms[i]
-        if waveform is None:
+        if waveform is None or data.candidates.failed[i]:
             continue
-        columns = data.candidates.columns
-        picks[i] = {
-            "waveform": packed.pack_waveform(waveform, horizon),
-            "pulses": labels.pulse_lines([tuple(row) for row in waveform.rows().tolist()]),
-            "traces": packed.pack_traces(traces) if traces is not None else None,
-            "shares": charts.numbers(data.shares[i], 3),
-            "v_u": charts.numbers(columns["v_u_cm_s"][i : i + 1], 5)[0],
-            "mean": charts.numbers(columns["mean_cm_s"][i : i + 1], 5)[0],
-            "origin": data.candidates.origin[i],
-            "metrics": metrics(data, i),
+        picks[i] = pick = {
+            "rows": [[None if math.isinf(v) else round(v, 5) for v in row] for row in waveform.rows().tolist()],
+            "pulses": [
+                list(line.values()) for line in labels.pulse_lines([tuple(r) for r in waveform.rows().tolist()])
+            ],
+            "origin": label_of(data.candidates.origin[i]),
+            "values": [row[1:] for row in metrics(data, i)],
         }
+        if i in data.shares:
+            traces = best if i == data.best and best is not None else data.samples.get(i)
+            pick |= {
+                "traces": packed.pack_traces(traces) if traces is not None else None,
+                "shares": charts.numbers(data.shares[i], 3),
+                "v_u": charts.numbers(columns["v_u_cm_s"][i : i + 1], 5)[0],
+                "mean": charts.numbers(columns["mean_cm_s"][i : i + 1], 5)[0],
+            }
     return picks

@@ -1,4 +1,4 @@
-"""Owns the words and numbers of the report: headline, metrics of one candidate, rows of the table, provenance."""
+"""Owns the words and numbers of the report's tables: metrics of one candidate, rows of the table, provenance."""
 
 from __future__ import annotations
 
@@ -6,107 +6,10 @@ import math
 import time
 from typing import Any
 
-from softclose.metrics.objective import Assessment
 from softclose.opening import Opening
 from softclose.propose.origins import label_of
-from softclose_workflows.analyses.certify import Certification
-from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.tell.labels import interval, number, percent, percent_interval, pulse_lines
-from softclose_workflows.tell.tables import beside
-
-
-def headline(data: ReportData) -> dict[str, Any]:
-    """The figures on top, certified ones where there are any, and what to think of them."""
-    designs, certification = data.judged_designs, data.certification
-    if not designs:
-        return {
-            "cards": [],
-            "certified": None,
-            "n": 0,
-            "valid": True,
-            "compared": "",
-            "missing": [],
-            "confidence": 95.0,
-        }
-    a = designs[0].assessment
-    compared = [
-        f"{100.0 * (1.0 - a.v_u_cm_s / d.assessment.v_u_cm_s):.0f}\u202f% below the {d.name} "
-        f"({number(d.assessment.v_u_cm_s)} cm/s, which leaves {percent(d.assessment.p_nc, 1)} of the switches open, "
-        f"this one {percent(a.p_nc, 1)})"
-        for d in designs[1:]
-        if math.isfinite(a.v_u_cm_s) and a.v_u_cm_s < d.assessment.v_u_cm_s
-    ]
-    return {
-        "cards": _cards(data, a),
-        "valid": a.intervals_valid,
-        "n": a.n,
-        "compared": " and ".join(compared),
-        "missing": [
-            *beaten_lines(a.g_cm_s, {d.name: d.assessment.g_cm_s for d in designs[1:]}),
-            *missing_lines(data.judged_missing),
-        ],
-        "confidence": 100.0 * a.confidence,
-        "certified": None if certification is None else _certified(data, certification),
-    }
-
-
-def _certified(data: ReportData, c: Certification) -> dict[str, Any]:
-    """The certified designs, best first, then the references; and whether the campaign went on since."""
-    rows = [
-        {
-            "name": d.name,
-            "training": number(d.training.g_cm_s, 2) if d.training is not None else "–",
-            "g": number(d.assessment.g_cm_s, 2),
-            "g_interval": interval(*d.assessment.g_interval, 2),
-            "flattery": f"{d.flattery_cm_s:+.2f}".replace("-", "−") if d.training is not None else "–",
-            "v_u": number(d.assessment.v_u_cm_s, 2),
-            "v_u_interval": interval(*d.assessment.v_u_interval, 2),
-            "mean": number(d.assessment.mean_cm_s, 2),
-            "p_nc": percent(d.assessment.p_nc, 2) + beside(d.assessment.n_failed, d.assessment.n),
-        }
-        for d in (*c.candidates, *c.references)
-    ]
-    return {"rows": rows, "best": c.best.candidate, "incumbent": c.incumbent, "stale": data.n_committed - c.committed}
-
-
-def _cards(data: ReportData, a: Assessment) -> list[dict[str, str]]:
-    def bounds(text: str) -> str:
-        return text if a.intervals_valid else ""
-
-    digits = 2 if a.n >= 20_000 else 1
-    cards = [
-        {
-            "title": "Upper velocity",
-            "value": f"{number(a.v_u_cm_s, digits)} cm/s",
-            "interval": bounds(interval(*a.v_u_interval, digits)),
-            "what": f"{100.0 * a.level:g}\u202f% of the switches that touch stay at or below it",
-        },
-        {
-            "title": "Mean contact speed",
-            "value": f"{number(a.mean_cm_s, digits)} cm/s",
-            "interval": bounds(interval(*a.mean_interval, digits)),
-            "what": "over the switches that touch",
-        },
-        {
-            "title": "Not closed",
-            "value": percent(a.p_nc, digits),
-            "interval": bounds(percent_interval(*a.p_nc_intervals.wilson, digits)),
-            "what": f"not held in contact at {data.config.model.horizon_us:g} µs"
-            + beside(a.n_failed, a.n)
-            + ("" if a.limit is None else f"; {a.limit.sentence}"),
-        },
-    ]
-    cards += [
-        {
-            "title": f"Faster than {e.limit_cm_s:g} cm/s",
-            "value": percent(e.probability.estimate, digits),
-            "interval": bounds(percent_interval(*e.probability.wilson, digits)),
-            "what": "of the switches that touch",
-        }
-        for e in a.p_exceed[:1]
-    ]
-    return cards
 
 
 def opening_rows(data: ReportData) -> list[dict[str, str]]:
@@ -174,7 +77,7 @@ def metrics(data: ReportData, i: int) -> list[list[str]]:
                 percent_interval(c[f"p_exceed_wilson_{name}_lower"], c[f"p_exceed_wilson_{name}_upper"], 2),
             ]
         )
-    return [*rows, ["switches", f"{int(data.candidates.n_switches[i]):,}".replace(",", "\u202f"), ""]]
+    return [*rows, ["switches", f"{int(data.candidates.n_switches[i]):,}", ""]]
 
 
 MOST_ROWS = 200

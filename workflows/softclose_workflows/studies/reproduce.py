@@ -112,7 +112,7 @@ def to_json(rows: Sequence[Row]) -> dict[str, Any]:
                     "verdict": r.verdict,
                     "v_u_range_of_200_cm_s": r.v_u_range,
                     "mean_range_of_200_cm_s": r.mean_range,
-                    "flattery_cm_s": r.certified.flattery_cm_s,
+                    "optimism_cm_s": r.certified.optimism_cm_s,
                     "n_training_switches": r.certified.training.n_switches if r.certified.training else None,
                     "waveform": waveform_rows(r.certified.waveform.rows()),
                     **r.certified.assessment.to_dict(),
@@ -161,7 +161,7 @@ def _print(console: Any, rows: Sequence[Row]) -> None:
         f"P(V > {LIMIT_CM_S:g}), ours\n(Eq. 11)",
         "p_nc",
         "g",
-        "flattery",
+        "optimism",
         "",
     ):
         table.add_column(column, justify="right", no_wrap=True)
@@ -180,13 +180,13 @@ def _print(console: Any, rows: Sequence[Row]) -> None:
             "" if exceed is None else with_interval(exceed.estimate, *exceed.wald, 3),
             f"{a.p_nc:.3f}",
             f"{a.g_cm_s:.2f}",
-            "" if math.isnan(r.certified.flattery_cm_s) else f"{r.certified.flattery_cm_s:+.2f}",
+            "" if math.isnan(r.certified.optimism_cm_s) else f"{r.certified.optimism_cm_s:+.2f}",
             r.verdict,
         )
     console.print(table)
     console.print(
         "v_u at N = 200: what ensembles as small as the published ones would say of our waveform; a published figure\n"
-        "in that range agrees. flattery: certified g minus the g of the training ensemble. What differs, and why: "
+        "in that range agrees. optimism: certified g minus the g of the training ensemble. What differs, and why: "
         "docs/results/README.md\n"
     )
     for r in rows:

@@ -57,7 +57,7 @@ class StudyResult:
                         "store": f"{member.name}.zarr",
                         "candidate": c.best.candidate,
                         "waveform": waveform_rows(c.best.waveform.rows()),
-                        "flattery_cm_s": c.best.flattery_cm_s,
+                        "optimism_cm_s": c.best.optimism_cm_s,
                         **c.best.assessment.to_dict(),
                         "references": {r.name: r.assessment.to_dict() for r in c.references},
                     }
@@ -119,7 +119,7 @@ def print_study(result: StudyResult) -> None:
     table = Table(title=study.title, title_justify="left", show_lines=True)
     table.add_column(f"{study.parameter}{f' [{study.unit}]' if study.unit else ''}", justify="right")
     table.add_column("waveform")
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]", "flattery", "unshaped v_u"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]", "optimism", "unshaped v_u"):
         table.add_column(column, justify="right", no_wrap=True)
     for value, c in zip(study.values, result.certifications, strict=True):
         a = c.best.assessment
@@ -130,7 +130,7 @@ def print_study(result: StudyResult) -> None:
             with_interval(a.mean_cm_s, *a.mean_interval),
             share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
             with_interval(a.g_cm_s, *a.g_interval),
-            f"{c.best.flattery_cm_s:+.2f}",
+            f"{c.best.optimism_cm_s:+.2f}",
             f"{c.references[0].assessment.v_u_cm_s:.2f}",
         )
     console.print(table)

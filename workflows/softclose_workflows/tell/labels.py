@@ -81,11 +81,26 @@ def number(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}".replace("-", "−")
 
 
+def count(n: int) -> str:
+    """`100,000`: how many there are of something."""
+    return f"{n:,}"
+
+
+def signed(value: float, digits: int = 1) -> str:
+    """A difference: `+0.26`, `−22.05`; a dash where there is none."""
+    return "–" if math.isnan(value) else f"{value:+.{digits}f}".replace("-", "−").replace("inf", "∞")
+
+
+def points(difference: float, digits: int = 2) -> str:
+    """A difference of two shares, in percentage points: `+7.15 points`."""
+    return f"{signed(100.0 * difference, digits)} points"
+
+
 def interval(lower: float, upper: float, digits: int = 1) -> str:
-    """`17.2 to 18.9`; empty where either end is undefined."""
+    """`17.2–18.9`, or `−0.3 to 0.2` where an end is negative; empty where either end is undefined."""
     if math.isnan(lower) or math.isnan(upper):
         return ""
-    return f"{number(lower, digits)} to {number(upper, digits)}"
+    return f"{number(lower, digits)}{' to ' if lower < 0.0 or upper < 0.0 else '–'}{number(upper, digits)}"
 
 
 def percent(value: float, digits: int = 1) -> str:
@@ -94,7 +109,7 @@ def percent(value: float, digits: int = 1) -> str:
 
 
 def percent_interval(lower: float, upper: float, digits: int = 1) -> str:
-    """`3.1 to 4.8 %`; ends are clipped to what a probability can be."""
+    """`3.1–4.8 %`; ends are clipped to what a probability can be."""
     if math.isnan(lower) or math.isnan(upper):
         return ""
     return f"{interval(100.0 * max(lower, 0.0), 100.0 * min(upper, 1.0), digits)}\u202f%"

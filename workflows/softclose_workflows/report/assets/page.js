@@ -49,11 +49,26 @@
     return { x, y };
   }
 
+  // u(t) of rows of start, rise, flat top (null: holds) and volts: exact at every knot, 24 points on each ramp.
+  function drive(rows) {
+    const instants = new Set([0, page.horizon]);
+    for (const [start, rise, top] of rows) {
+      for (const from of top === null ? [start] : [start, start + rise + top]) {
+        for (let k = 0; k < 24; k++) instants.add(from + (rise * k) / 23);
+        if (!rise) instants.add(from - 1e-9); // an ideal step is drawn upright
+      }
+    }
+    const risen = (t, rise) => (t < 0 ? 0 : t >= rise ? 1 : 0.5 * (1 - Math.cos((Math.PI * t) / rise)));
+    const x = [...instants].filter((t) => t >= -1e-9 && t <= page.horizon).sort((a, b) => a - b);
+    const y = x.map((t) => rows.reduce((u, [start, rise, top, volts]) => u + volts *
+      (risen(t - start, rise) - (top === null ? 0 : risen(t - start - rise - top, rise))), 0));
+    return { x, y };
+  }
+
   function responseFigure(pick) {
     const figure = structuredClone(page.figures.response);
     const [voltage, distance, velocity, openDistance, openVelocity, impacts] = figure.data;
-    voltage.x = pick.waveform.map((p) => p[0]);
-    voltage.y = pick.waveform.map((p) => p[1]);
+    Object.assign(voltage, drive(pick.rows));
     if (pick.traces) {
       const open = new Set(pick.traces.open);
       const closes = Array.from({ length: pick.traces.n }, (_, s) => s).filter((s) => !open.has(s));
@@ -70,6 +85,11 @@
 
   function histogramFigure(pick) {
     const figure = structuredClone(page.figures.histogram);
+    if (!pick.shares) {
+      figure.layout.annotations = [{ xref: "paper", yref: "paper", x: 0.5, y: 0.5, showarrow: false, font: { color: "@muted" },
+        text: "The speeds of this candidate’s switches are in the store, not on this page." }];
+      return figure;
+    }
     figure.data[0].y = pick.shares;
     const last = pick.shares.reduce((m, s, i) => (s > 0 ? i : m), 0);
     figure.layout.xaxis.range = [0, Math.max(10, Math.ceil((last + 2) / 5) * 5)];
@@ -119,6 +139,7 @@
     if (!drawn.has(name)) {
       drawn.add(name);
       if (name === "convergence") el.on("plotly_click", (e) => show(e.points[0].x, true));
+      if (name === "front") el.on("plotly_click", (e) => show(e.points[0].customdata?.[0] ?? e.points[0].customdata, true));
     }
   }
 
@@ -180,27 +201,34 @@
 
   function show(i, scroll) {
     const pick = page.picks[i];
-    if (!pick) return;
+    const told = document.getElementById("pick-said");
+    if (!pick) {
+      if (told) told.textContent = `candidate ${i} failed, or this page does not hold it; the table below says which`;
+      return;
+    }
     state.shown = i;
     document.getElementById("pick").value = String(i);
-    document.getElementById("pick-said").textContent =
-      `${String(i) === String(page.best) ? "the best candidate" : `candidate ${i}`}, proposed by ${pick.origin}` +
-      (pick.traces ? `; ${pick.traces.n} of its switches are drawn` : "");
-    fill(document.getElementById("pulses"), pick.pulses.map((p, k) => [String(k + 1), p.start, p.rise, p.top, p.volts]));
-    fill(document.getElementById("metrics"), pick.metrics);
+    const place = document.getElementById("place");
+    if (place) place.value = [...place.options].some((o) => o.value === String(i)) ? String(i) : "";
+    told.textContent = `${String(i) === String(page.best) ? "the best candidate" : `candidate ${i}`}, proposed by: ${pick.origin}` +
+      (pick.traces ? `; ${pick.traces.n} of its switches are drawn` : "; its switches’ motion is in the store, not on this page");
+    fill(document.getElementById("pulses"), pick.pulses.map((p, k) => [String(k + 1), ...p]));
+    fill(document.getElementById("metrics"), page.metrics.map((name, k) => [name, ...pick.values[k]]));
     document.querySelectorAll("#table tr.shown").forEach((tr) => tr.classList.remove("shown"));
     document.querySelector(`#table tr[data-candidate="${Number(i)}"]`)?.classList.add("shown");
     for (const name of ["response", "histogram"]) if (drawn.has(name)) draw(name);
     if (scroll) document.getElementById("design").scrollIntoView();
   }
 
-  const select = document.getElementById("pick");
-  if (select) {
+  const pick = document.getElementById("pick");
+  if (pick) {
+    const held = Object.keys(page.picks).map(Number).sort((a, b) => a - b);
     const step = (by) => {
-      const at = Math.min(select.options.length - 1, Math.max(0, select.selectedIndex + by));
-      show(Number(select.options[at].value), false);
+      const at = held.indexOf(Number(state.shown)) + by;
+      if (at >= 0 && at < held.length) show(held[at], false);
     };
-    select.addEventListener("change", () => show(Number(select.value), false));
+    pick.addEventListener("change", () => show(Number(pick.value), false));
+    document.getElementById("place")?.addEventListener("change", (e) => e.target.value && show(Number(e.target.value), false));
     document.getElementById("pick-previous").addEventListener("click", () => step(-1));
     document.getElementById("pick-next").addEventListener("click", () => step(1));
     document.getElementById("pick-best").addEventListener("click", () => show(page.best, false));

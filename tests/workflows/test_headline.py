@@ -1,0 +1,217 @@
+"""Claims about the first screen of the report: both references, what is assumed, health, the picture of the drive."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from reported import hostile_store
+from softclose import load_config
+from softclose.waveform import Pulse, Waveform
+from softclose_workflows.analyses.certify import certify
+from softclose_workflows.analyses.distinct import distinct, last_change_us
+from softclose_workflows.report.data import ReportData
+from softclose_workflows.report.drive_picture import drive_picture
+from softclose_workflows.report.gather import gather
+from softclose_workflows.report.headline import headline
+from softclose_workflows.report.health import Check, health
+from softclose_workflows.report.page import render_report
+from softclose_workflows.tell import labels
+from softclose_workflows.tell.assumptions import assumptions
+
+
+@pytest.fixture(scope="module")
+def data() -> ReportData:
+    return gather(hostile_store())
+
+
+@pytest.fixture(scope="module")
+def certified(tmp_path_factory: pytest.TempPathFactory) -> ReportData:
+    copy = str(shutil.copytree(hostile_store(), tmp_path_factory.mktemp("headline") / "certified.zarr"))
+    certify(copy, n_switches=2000, top=2)
+    return gather(copy, learned=False, picks=False)
+
+
+@pytest.mark.parametrize("kind", ["data", "certified"])
+def test_speed_and_share_open_stand_beside_those_of_both_references(kind: str, request: pytest.FixtureRequest) -> None:
+    found: ReportData = request.getfixturevalue(kind)
+    rows = headline(found)["rows"]
+    assert [row["kind"] for row in rows] == ["best", "reference", "difference", "reference", "difference"]
+    designs = found.judged_designs
+    for row, design in zip((rows[0], rows[1], rows[3]), designs, strict=True):
+        a = design.assessment
+        assert row["cells"][0] == (f"{labels.number(a.v_u_cm_s)} cm/s", labels.interval(*a.v_u_interval))
+        assert row["cells"][1] == (labels.percent(a.p_nc), labels.percent_interval(*a.p_nc_intervals.wilson))
+    for row, design in zip((rows[2], rows[4]), designs[1:], strict=True):
+        assert row["cells"][0][0] == (
+            f"{labels.signed(designs[0].assessment.v_u_cm_s - design.assessment.v_u_cm_s, 2)} cm/s"
+        )
+        share = designs[0].assessment.p_nc - design.assessment.p_nc
+        assert row["cells"][1][0] == labels.points(share)
+    page = render_report(found)
+    first = page[page.index('id="headline"') : page.index('id="design"')]
+    for row in rows:
+        for value, bounds in row["cells"]:
+            assert value in first
+            assert bounds in first
+
+
+def test_certified_differences_are_the_certificate_s(certified: ReportData) -> None:
+    c = certified.certification
+    assert c is not None
+    rows = headline(certified)["rows"]
+    for row, reference in zip((rows[2], rows[4]), reversed(c.references), strict=True):
+        pair = c.comparison(reference)
+        low, high = (100.0 * end for end in pair.p_nc_interval)
+        assert row["cells"][1] == (labels.points(pair.p_nc), labels.interval(low, high, 2))
+        assert row["cells"][0][1] == labels.interval(*pair.v_u_interval, 2)
+
+
+def test_differences_have_no_interval_where_training_switches_are_not_independent(data: ReportData) -> None:
+    population = dataclasses.replace(data.config.population, sampling="replicated")
+    changed = dataclasses.replace(data, config=dataclasses.replace(data.config, population=population))
+    differences = [row for row in headline(changed)["rows"] if row["kind"] == "difference"]
+    assert all(bounds == "" for row in differences for _, bounds in row["cells"])
+    assert all(value != "" for row in differences for value, _ in row["cells"])
+
+
+@pytest.mark.parametrize(
+    ("preset", "settings", "said"),
+    [
+        ("current", (), "The amplifier is ideal"),
+        ("current", (), "one mode of vibration and no damping"),
+        ("current-trim", (), "two measurements a part: its pull-in voltage, to 1 %, and its resonance, to 1 %"),
+        ("current-trim-pull-in", (), "one measurement a part: its pull-in voltage"),
+        ("current", ("trim.measured=contact times", "trim.actuations=7"), "7 actuations a part"),
+        ("current-trim", ("trim.bins=16",), "16 bins share a drive"),
+        ("current", ("amplifier.bandwidth_kHz=250",), "bandwidth 250 kHz"),
+        ("current", ("amplifier.gain_error=0.02",), "gain by 2 %"),
+        ("current", ("amplifier.time_error=0.01",), "clock by 1 %"),
+        ("current-damped", (), "a quality factor of"),
+        ("current-two-modes", (), "the reduced-order model"),
+        ("current-temperature", (), "the worst of"),
+        ("current-opening", (), "released at"),
+    ],
+)
+def test_every_condition_is_said_to_be_assumed(preset: str, settings: tuple[str, ...], said: str) -> None:
+    lines = assumptions(load_config(preset, list(settings)))
+    assert any(said in line for line in lines), lines
+    assert all(line[0].isupper() and line.endswith(".") for line in lines)
+
+
+def test_what_is_measured_on_every_part_is_said_first() -> None:
+    assert "measurement" in assumptions(load_config("current-trim"))[0]
+    assert not any("measurement" in line for line in assumptions(load_config("current")))
+
+
+def checks(data: ReportData) -> dict[str, Check]:
+    return {check.name: check for check in health(data)}
+
+
+def test_health_of_a_finished_campaign(data: ReportData, certified: ReportData) -> None:
+    found = checks(data)
+    assert found["Budget"].good
+    assert not found["Intervals"].good
+    assert "optimistic" in found["Intervals"].said
+    assert checks(certified)["Intervals"].good
+    assert "leav" in found["Surrogate"].said or "left out" in found["Surrogate"].said
+
+
+def test_failed_candidates_stand_ins_and_an_open_budget_ask_for_attention(data: ReportData) -> None:
+    growing = dataclasses.replace(data, n_total=data.n_total + 5)
+    assert not checks(growing)["Budget"].good
+    n = len(data.candidates)
+    failed = dataclasses.replace(data.candidates, failed=np.arange(n) == 0)
+    said = checks(dataclasses.replace(data, candidates=failed))["Budget"]
+    assert (said.good, "1 of them failed" in said.said) == (False, True)
+    origin = ("fallback: sobol", *data.candidates.origin[1:])
+    said = checks(dataclasses.replace(data, candidates=dataclasses.replace(data.candidates, origin=origin)))["Budget"]
+    assert (said.good, "1 replace a proposal" in said.said) == (False, True)
+
+
+@pytest.mark.parametrize(("last", "good"), [(19.95, True), (19.5, False)])
+def test_a_campaign_that_still_improves_at_its_end_has_not_converged(data: ReportData, last: float, good: bool) -> None:
+    n = len(data.candidates)
+    columns = data.candidates.columns | {"g_cm_s": np.array([*np.full(n - 1, 20.0), last])}
+    candidates = dataclasses.replace(data.candidates, columns=columns, failed=np.zeros(n, dtype=bool))
+    said = checks(dataclasses.replace(data, candidates=candidates))["Convergence"]
+    assert said.good is good
+    assert labels.number(20.0 - last, 2) in said.said
+
+
+def test_a_surrogate_that_is_surer_than_it_should_be_is_told(data: ReportData) -> None:
+    assert data.dependence is not None
+    left = data.dependence.left_out
+    sure = dataclasses.replace(left, sd_cm_s=left.sd_cm_s * 0.0 + 1e-9)
+    changed = dataclasses.replace(data, dependence=dataclasses.replace(data.dependence, left_out=sure))
+    assert not checks(changed)["Surrogate"].good
+    wide = dataclasses.replace(left, sd_cm_s=left.sd_cm_s * 0.0 + 1e9)
+    changed = dataclasses.replace(data, dependence=dataclasses.replace(data.dependence, left_out=wide))
+    assert checks(changed)["Surrogate"].good
+
+
+def test_equally_good_optima_are_told_from_one_that_stands_alone(data: ReportData) -> None:
+    first, second = data.places[:2]
+    for apart, said in ((0.1, "equally good"), (50.0, "stands alone")):
+        g = data.candidates.columns["g_cm_s"].copy()
+        g[second] = g[first] + apart
+        columns = data.candidates.columns | {
+            "g_cm_s": g,
+            "g_lower_cm_s": g - 1.0,
+            "g_upper_cm_s": g + 1.0,
+        }
+        candidates = dataclasses.replace(data.candidates, columns=columns)
+        found = checks(dataclasses.replace(data, candidates=candidates))["Optima"].said
+        assert said in found
+        assert f"candidate {second}, whose g is {labels.number(apart, 2)}" in found
+
+
+def waveform(volts: float) -> Waveform:
+    return Waveform(
+        pulses=(
+            Pulse(start_us=0.0, rise_us=4.0, peak_us=3.0, volts=volts),
+            Pulse(start_us=12.0, rise_us=9.0, peak_us=math.inf, volts=80.0),
+        )
+    )
+
+
+def test_the_picture_shows_the_drive_until_a_little_after_its_last_change() -> None:
+    drawn = drive_picture(waveform(120.0), 250.0, 150.0)
+    points = np.array([p.split(",") for p in re.findall(r'points="([^"]*)"', drawn)[0].split()], dtype=float)
+    levels = [float(y) for y in re.findall(r'class="rule"[^>]*y1="([\d.]+)"', drawn)]
+    zero, limit = levels
+    at = waveform(120.0)
+    volts = (zero - points[:, 1]) / (zero - limit) * 150.0
+    assert volts.max() == pytest.approx(120.0, abs=0.2)
+    assert volts[0] == pytest.approx(0.0, abs=0.1)
+    assert volts[-1] == pytest.approx(80.0, abs=0.1)
+    until = float(re.findall(r"Drive voltage over ([\d.]+) µs", drawn)[0])
+    assert 41.0 <= until <= 60.0
+    t = (points[:, 0] - points[0, 0]) / (points[-1, 0] - points[0, 0]) * until
+    np.testing.assert_allclose(volts, at.voltage(t), atol=1.5)
+
+
+@pytest.mark.parametrize("horizon", [5.0, 40.0, 250.0, 3000.0])
+def test_the_picture_has_few_ticks_at_any_horizon(horizon: float) -> None:
+    slow = Waveform(pulses=(Pulse(start_us=0.0, rise_us=0.7 * horizon, peak_us=math.inf, volts=80.0),))
+    assert 4 <= drive_picture(slow, horizon, 150.0).count('class="tick"') <= 11
+
+
+def test_near_copies_are_no_other_place() -> None:
+    many = [waveform(120.0), waveform(121.0), waveform(140.0), waveform(139.0)]
+    until = last_change_us(many[0], 250.0)
+    assert until == pytest.approx(41.0)
+    assert last_change_us(many[0], 30.0) == 30.0
+
+    def chosen(apart: float, most: int = 9) -> list[int]:
+        return distinct(range(4), many.__getitem__, until_us=until, apart_V=apart, most=most)
+
+    assert chosen(5.0) == [0, 2]
+    assert chosen(0.0) == [0, 1, 2, 3]
+    assert chosen(0.0, most=2) == [0, 1]
+    assert chosen(1e6) == [0]

@@ -1,0 +1,108 @@
+"""Owns the health checks of a campaign, in words: do intervals hold, is the budget used, do optima agree, does the
+surrogate foretell what it has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softclose_workflows.analyses.distinct import APART_V
+from softclose_workflows.report.data import ReportData
+from softclose_workflows.report.shapes import best_so_far
+from softclose_workflows.tell.labels import count, number, percent
+
+LAST_PART = 4
+"""The last of so many equal parts of a campaign still improved it, or did not."""
+SMALL_GAIN_CM_S = 0.1
+"""What the last part may still gain in a campaign that has converged [cm/s]."""
+SURE = 0.85
+"""Least share of candidates within two standard deviations of what the surrogate foretells (a normal error: 0.95)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One check."""
+
+    name: str
+    """What was looked at."""
+    good: bool
+    """Whether it needs no attention."""
+    said: str
+    """What was found, in one or two sentences."""
+
+
+def health(data: ReportData) -> list[Check]:
+    """The checks that this campaign allows; [] where nothing has a result yet."""
+    if data.best is None:
+        return []
+    checks = (_intervals(data), _budget(data), _progress(data), _optima(data), _surrogate(data))
+    return [check for check in checks if check is not None]
+
+
+def _intervals(data: ReportData) -> Check:
+    a = data.judged_designs[0].assessment
+    if data.certification is not None:
+        said = f"The intervals hold: the {count(a.n)} switches are independent, and the search never saw them."
+        return Check(name="Intervals", good=True, said=said)
+    if not a.intervals_valid:
+        said = "No interval holds for one quasi-random sample. Certify the result to have intervals."
+    else:
+        said = (
+            "The intervals do not account for the choice of the best of many candidates: training scores are "
+            "optimistic. Certify the result."
+        )
+    return Check(name="Intervals", good=False, said=said)
+
+
+def _budget(data: ReportData) -> Check:
+    n, failed = data.n_committed, int(data.candidates.failed.sum())
+    stood_in = sum(origin.startswith("fallback") for origin in data.candidates.origin)
+    said = f"{count(n)} of {count(data.n_total)} candidates were evaluated"
+    said += f", {count(failed)} of them failed" if failed else ", none failed"
+    said += f"; {count(stood_in)} replace a proposal that failed." if stood_in else "."
+    return Check(name="Budget", good=data.finished and not failed and not stood_in, said=said)
+
+
+def _progress(data: ReportData) -> Check | None:
+    """What the last part of the candidates on the largest ensemble gained."""
+    g, sizes = data.candidates.columns["g_cm_s"], data.candidates.n_switches
+    usable = np.flatnonzero(np.isfinite(g) & ~data.candidates.failed & (sizes == sizes.max()))
+    if usable.size < 2 * LAST_PART:
+        return None
+    best, _ = best_so_far(usable, g[usable], sizes[usable])
+    gained = float(best[-1 - usable.size // LAST_PART] - best[-1])
+    good = gained <= SMALL_GAIN_CM_S
+    said = f"The last quarter of the candidates on the largest ensemble lowered g by {number(gained, 2)} cm/s"
+    said += "." if good else ": the search had not converged. Give it more candidates (softclose resume --budget)."
+    return Check(name="Convergence", good=good, said=said)
+
+
+def _optima(data: ReportData) -> Check | None:
+    """The best waveform beside the next best one that is a different one."""
+    if len(data.places) < 2 or data.places[0] not in data.places:
+        return None
+    g, first, second = data.candidates.columns["g_cm_s"], data.places[0], data.places[1]
+    apart = float(g[second] - g[first])
+    half = 0.5 * float(data.candidates.columns["g_upper_cm_s"][first] - data.candidates.columns["g_lower_cm_s"][first])
+    said = (
+        f"The next best waveform that differs from it by more than {APART_V:g} V (root mean square) is candidate "
+        f"{second}, whose g is {number(apart, 2)} cm/s higher"
+    )
+    if np.isfinite(half) and apart <= half:
+        said += ": rather different waveforms are equally good, within the interval."
+    else:
+        said += ": the optimum stands alone."
+    return Check(name="Optima", good=True, said=said)
+
+
+def _surrogate(data: ReportData) -> Check | None:
+    if data.dependence is None:
+        return None
+    left = data.dependence.left_out
+    said = (
+        f"When each candidate of the better half is left out in turn, a surrogate fitted to the others predicts its g "
+        f"to {number(left.median_error_cm_s, 2)} cm/s (median), and {percent(left.share_inside, 0)} lie within two of "
+        "its standard deviations."
+    )
+    return Check(name="Surrogate", good=left.share_inside >= SURE, said=said)
