@@ -63,7 +63,7 @@ def test_page_warns_where_a_certified_campaign_stands_beside_an_uncertified_one(
     entries = read_entries([str(finished_store), copy])
     page = render_comparison(entries)
     assert "Not all are certified" in page
-    assert "2\u202f000 fresh switches" in page
+    assert "2,000 fresh switches" in page
     assert "default-src 'none'" in page
 
 

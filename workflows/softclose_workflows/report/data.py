@@ -145,7 +145,7 @@ class Candidates:
 
     @property
     def ranked(self) -> list[int]:
-        """All of them: the largest ensemble first, since scores on a small one are optimistic, then by g; those without g last."""
+        """All: the largest ensemble first, since scores on a small one are optimistic; then by g, without it last."""
         g = self.columns["g_cm_s"]
         return sorted(range(len(self)), key=lambda i: (math.isnan(g[i]), -int(self.n_switches[i]), g[i]))
 

@@ -148,8 +148,8 @@ def _places(candidates: Candidates, best: int | None, config: CampaignConfig, fr
         return ()
     if front is not None and config.optimiser.engine == NSGA2:
         along = sorted(front.candidates, key=lambda i: front.values[i, 0])
-        spread = np.unique(np.linspace(0, len(along) - 1, MAX_PLACES).round().astype(int)) if along else []
-        return (best, *(along[k] for k in spread if along[k] != best))
+        spread = {round(k * (len(along) - 1) / (MAX_PLACES - 1)) for k in range(MAX_PLACES)} if along else set()
+        return (best, *(along[k] for k in sorted(spread) if along[k] != best))
     usable = ~candidates.failed & np.isfinite(candidates.columns["g_cm_s"])
     kept = candidates.waveforms[best]
     assert kept is not None

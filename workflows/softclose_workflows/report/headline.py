@@ -113,7 +113,7 @@ def _difference(c: Comparison, valid: bool) -> dict[str, Any]:
     softer = "" if math.isnan(c.softer.estimate) else f"softer on {percent(c.softer.estimate)} of the switches"
     cells = [
         (f"{signed(c.v_u_cm_s, 2)} cm/s", bounds(interval(*c.v_u_interval, 2))),
-        (points(c.p_nc), bounds(interval(*(100.0 * end for end in c.p_nc_interval), 2))),
+        (points(c.p_nc), bounds(interval(100.0 * c.p_nc_interval[0], 100.0 * c.p_nc_interval[1], 2))),
         (f"{signed(c.mean_cm_s, 2)} cm/s", bounds(interval(*c.mean_interval, 2))),
     ]
     return {"name": "this drive against it", "kind": "difference", "cells": cells, "softer": softer}
