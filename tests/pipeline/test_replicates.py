@@ -60,6 +60,7 @@ def test_the_figures_of_a_scrambling_are_those_of_its_switches_alone(n: int, see
     response = _judged(np.random.default_rng(seed).random((n, 4)))
     speed = 100.0 * response.max_contact_speed
     found = replicates.sections(speed, response.closed, response.settling_us, level=0.9, limits=(19.7, 12.0))
+    few = min((~np.isnan(speed[r::R])).sum() for r in range(R)) < replicates.FEWEST
     for r in range(R):
         own = Judged(
             max_contact_speed=response.max_contact_speed[r::R],
@@ -68,8 +69,13 @@ def test_the_figures_of_a_scrambling_are_those_of_its_switches_alone(n: int, see
             settling_us=response.settling_us[r::R],
         )
         a = assess(own, limits_cm_s=(19.7, 12.0), min_contact=0.0)
-        of = (found.v_u[r], found.cvar[r], found.mean[r], found.p_nc[r], found.closing[r])
-        np.testing.assert_allclose(of, (a.v_u_cm_s, a.cvar_cm_s, a.mean_cm_s, a.p_nc, a.closing_us), rtol=1e-12)
+        np.testing.assert_allclose((found.mean[r], found.p_nc[r]), (a.mean_cm_s, a.p_nc), rtol=1e-12)
+        if few:
+            assert np.isnan((found.v_u[r], found.cvar[r], found.closing[r])).all()
+        else:
+            np.testing.assert_allclose((found.v_u[r], found.cvar[r]), (a.v_u_cm_s, a.cvar_cm_s), rtol=1e-12)
+        if not np.isnan(found.closing).all():
+            assert found.closing[r] == pytest.approx(a.closing_us, rel=1e-12)
         np.testing.assert_allclose(found.excess[r], [e.excess_cm_s for e in a.p_exceed], rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(found.exceed[r], [e.probability.estimate for e in a.p_exceed], rtol=1e-12)
 
@@ -80,6 +86,17 @@ def test_an_interval_is_students_about_the_pooled_value() -> None:
     assert replicates.about(0.7, parts) == pytest.approx((0.7 - a, 0.7 + a))
     parts[3] = math.nan
     assert all(map(math.isnan, replicates.about(0.7, parts)))
+    assert replicates.about(0.7, parts, otherwise=(0.1, 0.9)) == (0.1, 0.9)
+
+
+@pytest.mark.parametrize(("n", "open_below", "known"), [(4096, 0.04, True), (4096, 0.3, False), (320, 0.2, False)])
+def test_a_closing_time_that_a_scrambling_may_not_have_is_that_of_independent_draws(
+    n: int, open_below: float, known: bool
+) -> None:
+    """By the share of the lot that stays open, never by which scramblings were drawn."""
+    response = _judged(_points(n, 1, "replicated"), open_below=open_below)
+    a, plain = (assess(response, sampling=s) for s in ("replicated", "monte-carlo"))
+    assert (a.closing_interval != plain.closing_interval) == known
 
 
 def test_scramblings_that_all_close_say_what_independent_draws_would() -> None:

@@ -346,8 +346,8 @@ def _sectioned(
     parts = replicates.sections(speed * CM_S, closed, settling, level=a.level, limits=limits)
     c = a.confidence
 
-    def speeds(pooled: float, of: FloatArray, beyond: float) -> Interval:
-        lower, upper = replicates.about(pooled, of, c)
+    def speeds(pooled: float, of: FloatArray, beyond: float, independent: Interval) -> Interval:
+        lower, upper = replicates.about(pooled, of, c, otherwise=independent)
         return max(lower, 0.0) if lower == lower else lower, math.inf if beyond < LEAST_BEYOND else upper
 
     n_beyond = int((speed * CM_S > a.v_u_cm_s).sum())
@@ -361,7 +361,9 @@ def _sectioned(
     low, high = replicates.about(g, of_g, c)
     se = replicates.standard_error(g, of_g) if low == low else a.g_se_cm_s
     reach_low, reach_high = g - low, high - g
-    if rare or any(penalty(p) == 0.0 for p in p_nc.wilson):  # p_nc may be more than the scramblings saw of it
+    if low != low:  # a scrambling by itself has no such figure
+        reach_low, reach_high = a.g_cm_s - a.g_interval[0], a.g_interval[1] - a.g_cm_s
+    elif rare or any(penalty(p) == 0.0 for p in p_nc.wilson):  # p_nc may be more than the scramblings saw of it
         spread = value - replicates.about(value, of_value, c)[0] if defined else 0.0
         ends = [penalty(p) - penalty(a.p_nc) for p in p_nc.wilson]
         reach_low, reach_high = joint(spread, -ends[0], 0.0), joint(spread, ends[1], 0.0)
@@ -372,12 +374,12 @@ def _sectioned(
         replace(
             e,
             probability=replicates.proportion(e.probability.count, e.probability.n, parts.exceed[:, k], c),
-            excess_interval=speeds(e.excess_cm_s, parts.excess[:, k], e.probability.count),
+            excess_interval=speeds(e.excess_cm_s, parts.excess[:, k], e.probability.count, e.excess_interval),
         )
         for k, e in enumerate(a.p_exceed)
     ]
-    closing = replicates.about(a.closing_us, parts.closing, c)
-    mean_low, mean_high = speeds(a.mean_cm_s, parts.mean, LEAST_BEYOND)
+    closing = replicates.about(a.closing_us, parts.closing, c, otherwise=a.closing_interval)
+    mean_low, mean_high = speeds(a.mean_cm_s, parts.mean, LEAST_BEYOND, a.mean_interval)
     missing = a.n - a.n_contact
     if missing < replicates.RARE and math.isfinite(mean_low):
         # The mean of a smooth V is known better than how many switches, of the slowest, do not touch: 0 of n may be 3.
@@ -391,8 +393,8 @@ def _sectioned(
         a,
         g_interval=(a.g_cm_s - reach_low, a.g_cm_s + reach_high),
         g_se_cm_s=se,
-        v_u_interval=speeds(a.v_u_cm_s, parts.v_u, LEAST_BEYOND),
-        cvar_interval=speeds(a.cvar_cm_s, parts.cvar, n_beyond),
+        v_u_interval=speeds(a.v_u_cm_s, parts.v_u, LEAST_BEYOND, a.v_u_interval),
+        cvar_interval=speeds(a.cvar_cm_s, parts.cvar, n_beyond, a.cvar_interval),
         mean_interval=(mean_low, mean_high),
         p_nc_intervals=p_nc,
         closing_interval=closing,

@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 
 REPLICATES = 16
 """R. With 8 the intervals are wider and hold no better; with 32 each scrambling has too few switches."""
+FEWEST = 10
+"""Switches of a scrambling below which its own quantiles say nothing: those of independent draws hold instead."""
 RARE = 10
 """Switches of a kind below which scramblings differ by luck alone: Clopper and Pearson's interval instead."""
 
@@ -39,7 +41,7 @@ class Sections:
     p_nc: FloatArray
     """Fraction not closed."""
     closing: FloatArray
-    """level-quantile of the closing times; NaN where they are not known."""
+    """level-quantile of the closing times; NaN where they are not known, or a scrambling may well not have one."""
     exceed: FloatArray
     """(R, n_limits) fraction of the switches in contact beyond each limit."""
     excess: FloatArray
@@ -59,31 +61,44 @@ def sections(
     ordered = np.sort(v, axis=1)  # those without contact, and the places beyond the last switch, come last
     count = (~np.isnan(v)).sum(axis=1)
     v_u = _quantiles(ordered, count, level)
+    v_u = np.where(count.min() < FEWEST, math.nan, v_u)
     with np.errstate(invalid="ignore", divide="ignore"):
         beyond = np.nansum(np.maximum(v - v_u[:, None], 0.0), axis=1) / count
         over = [np.nansum(np.maximum(v - limit, 0.0), axis=1) / count for limit in limits]
         share = [(v > limit).sum(axis=1) / count for limit in limits]
         mean = np.nansum(v, axis=1) / count
-    open_ = _by_replicate((~closed).astype(np.float64))
+        open_ = _by_replicate((~closed).astype(np.float64))
+        p_nc = np.nansum(open_, axis=1) / (~np.isnan(open_)).sum(axis=1)
     closing = np.full(REPLICATES, math.nan)
     if settling is not None:
         times = _by_replicate(settling)
-        closing = _quantiles(np.sort(times, axis=1), (~np.isnan(times)).sum(axis=1), level)
+        count = (~np.isnan(times)).sum(axis=1)
+        closing = _quantiles(np.sort(times, axis=1), count, level)
+        never = float(np.isinf(times).sum()) / settling.size
+        # By the whole lot's share: where it hung on the scramblings drawn, the lucky ones would not hold.
+        if count.min() < FEWEST or never + 3.0 * math.sqrt(never / count.min()) > 1.0 - level:
+            closing = np.full(REPLICATES, math.nan)
     return Sections(
         v_u=v_u,
         cvar=v_u + beyond / (1.0 - level),
         mean=mean,
-        p_nc=np.nansum(open_, axis=1) / (~np.isnan(open_)).sum(axis=1),
+        p_nc=p_nc,
         closing=closing,
         exceed=np.stack(share, axis=1) if share else np.zeros((REPLICATES, 0)),
         excess=np.stack(over, axis=1) if over else np.zeros((REPLICATES, 0)),
     )
 
 
-def about(pooled: float, parts: FloatArray, confidence: float = 0.95) -> Interval:
-    """Interval about the pooled value from the parts', (R,). NaN where one of them is undefined or infinite."""
+def about(
+    pooled: float, parts: FloatArray, confidence: float = 0.95, *, otherwise: Interval = intervals.NO_INTERVAL
+) -> Interval:
+    """Interval about the pooled value from the parts', (R,).
+
+    otherwise: the interval of as many independent draws, for figures of which a scrambling by itself has none, or an
+    infinite one: the ensemble is small, or few touch. It is wider, and scrambled points keep it as independent ones do.
+    """
     if not (math.isfinite(pooled) and bool(np.isfinite(parts).all())):
-        return intervals.NO_INTERVAL
+        return otherwise
     a = intervals.student_quantile(confidence, parts.size - 1) * standard_error(pooled, parts)
     return pooled - a, pooled + a
 
@@ -98,9 +113,10 @@ def proportion(count: int, n: int, parts: FloatArray, confidence: float = 0.95) 
 
     That one is for independent draws, of which scrambled points are no worse a sample.
     """
-    low, high = about(count / n if n else math.nan, parts, confidence)
-    if n and min(count, n - count) < RARE:
-        low, high = intervals.clopper_pearson(count, n, confidence)
+    exact = intervals.clopper_pearson(count, n, confidence)
+    low, high = about(count / n if n else math.nan, parts, confidence, otherwise=exact)
+    if min(count, n - count) < RARE:
+        low, high = exact
     ends = max(low, 0.0) if low == low else low, min(high, 1.0) if high == high else high
     return Proportion(
         count=count, n=n, estimate=count / n if n else math.nan, wald=ends, wilson=ends, clopper_pearson=ends

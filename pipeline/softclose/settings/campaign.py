@@ -55,9 +55,9 @@ class PopulationSection:
     """A shipped population, or the path of a population TOML."""
     n_switches: SwitchCount = 2000
     """Switches in the training ensemble of each candidate."""
-    sampling: Literal["monte-carlo", "sobol", "replicated"] = "monte-carlo"
-    """monte-carlo keeps Eq. 11 valid; sobol ranks candidates with less noise, and has no intervals; replicated has
-    both: 16 independent scramblings, best with 512 switches or more."""
+    sampling: Literal["monte-carlo", "sobol", "replicated"] = "replicated"
+    """replicated: 16 independent scramblings of a Sobol sequence, which rank candidates with less noise and have
+    intervals; monte-carlo: independent draws, as published; sobol: one scrambling, which has no intervals."""
 
 
 def extension_size(extension: int | tuple[int, ...]) -> int:
