@@ -26,7 +26,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def _fresh(store: str, candidate: int):  # type: ignore[no-untyped-def]
     waveform = Waveform.from_rows(open_campaign(store).waveform(candidate))
-    return simulate(load_population("current").sample(N, seed=1), waveform, max_impacts=64)
+    return simulate(load_population("current").sample(N, seed=1, sampling="replicated"), waveform, max_impacts=64)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def _fresh(store: str, candidate: int):  # type: ignore[no-untyped-def]
 )
 def test_another_objective_equals_a_fresh_assessment(store: str, objective: tuple[str, ...], arguments: dict) -> None:  # type: ignore[type-arg]
     for r in rescore(store, Score(objective=objective)):
-        assert repr(r.assessment) == repr(assess(_fresh(store, r.candidate), **arguments))
+        assert repr(r.assessment) == repr(assess(_fresh(store, r.candidate), sampling="replicated", **arguments))
 
 
 def test_other_definitions_equal_a_naive_look_at_a_fresh_simulation(store: str) -> None:
@@ -57,7 +57,7 @@ def test_other_definitions_equal_a_naive_look_at_a_fresh_simulation(store: str) 
             closed = np.array([s <= 90.0 for s in fresh.settling_us])
             settling_us = fresh.settling_us
 
-        assert repr(r.assessment) == repr(replace(assess(Naive()), closed_by_us=90.0))
+        assert repr(r.assessment) == repr(replace(assess(Naive(), sampling="replicated"), closed_by_us=90.0))
 
 
 def test_first_impact_only(store: str) -> None:
@@ -69,7 +69,7 @@ def test_first_impact_only(store: str) -> None:
             closed = fresh.closed
             settling_us = fresh.settling_us
 
-        assert repr(r.assessment) == repr(assess(Naive()))
+        assert repr(r.assessment) == repr(assess(Naive(), sampling="replicated"))
 
 
 def test_the_campaigns_own_score_gives_its_own_records_and_ranking(store: str) -> None:
