@@ -63,7 +63,7 @@ def campaign(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 def test_a_run_stores_what_each_switch_did_and_the_columns_of_its_lot(campaign: tuple[str, CampaignConfig]) -> None:
     path, config = campaign
     stored = open_campaign(path)
-    rows = by_hand.rows(config, 12, seed=config.campaign.seed)
+    rows = by_hand.rows(config, 12, seed=config.campaign.seed, sampling=config.population.sampling)
     names = {"a": "voltage_scale", "b": "time_scale", "gain": "gain", "clock": "clock", "D": "D", "K": "K"}
     population = stored.population()
     for key, name in names.items():
@@ -130,9 +130,8 @@ def test_a_campaign_compared_with_itself_is_no_softer_and_the_report_shows_the_s
     assert entries[0].design is not None
     np.testing.assert_array_equal(entries[0].design.speed_cm_s, fresh.response.max_contact_speed * 100.0)
     data = gather(path)
-    own = by_hand.respond(
-        config, by_hand.rows(config, 12, seed=config.campaign.seed), data.designs[0].waveform
-    ).max_contact_speed
+    trained_on = by_hand.rows(config, 12, seed=config.campaign.seed, sampling=config.population.sampling)
+    own = by_hand.respond(config, trained_on, data.designs[0].waveform).max_contact_speed
     assert (np.abs(np.nan_to_num(data.designs[0].speed_cm_s) - 100.0 * np.nan_to_num(own)) > 2e-3).sum() <= 1
 
 

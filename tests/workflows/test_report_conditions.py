@@ -45,7 +45,7 @@ def test_over_temperature_the_lot_is_simulated_at_each(worst: tuple[str, ...], t
     config = CampaignConfig.from_dict(open_campaign(str(tmp_path / "a.zarr")).config)
     still = config.revised([f"temperature.{k}=20" for k in ("low_C", "high_C")] + ["temperature.worst_of=0"])
     plain = CampaignConfig.from_dict(still.to_dict() | {"temperature": {}})
-    lot = draw(plain, 80, seed=config.campaign.seed)
+    lot = draw(plain, 80, seed=config.campaign.seed, sampling=config.population.sampling)
     for place in (0, N_TEMPERATURES - 1):
         hot = heated(config.temperature, lot, float(found.celsius[place]))
         again = judge(plain, respond(plain, hot, data.designs[0].waveform))
