@@ -53,8 +53,7 @@ def test_where_scramblings_are_too_small_to_say_intervals_are_those_of_independe
     lot = draw(config, n, seed=3, sampling="replicated")
     wave = deterministic_design(config.build_population())
     a, plain = (
-        evaluate(load_config("current", [f"population.sampling={s}"]), lot, wave)
-        for s in ("replicated", "monte-carlo")
+        evaluate(load_config("current", [f"population.sampling={s}"]), lot, wave) for s in ("replicated", "monte-carlo")
     )
     few = n < 160
     assert (a.v_u_interval == plain.v_u_interval) == few
