@@ -118,6 +118,7 @@ COMMANDS = (
     "run",
     "sensitivity",
     "serve",
+    "sign",
     "status",
     "study",
     "submit",

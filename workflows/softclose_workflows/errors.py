@@ -1,7 +1,7 @@
 """Owns the outcomes that end a command early, and their exit codes.
 
 0: done; 1: a store is damaged; 2: bad input, nothing was changed; 3: stopped before the end, nothing committed is lost,
-`resume` continues.
+`resume` continues; 4: the waveform misses a limit of `sign`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Iterator
 EXIT_DAMAGED = 1
 EXIT_BAD_INPUT = 2
 EXIT_STOPPED = 3
+EXIT_NOT_PASSED = 4
 
 
 class ExecutorError(ValueError):

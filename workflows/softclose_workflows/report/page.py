@@ -73,6 +73,11 @@ def render(template: str, *, payload: dict[str, Any], **context: Any) -> str:
     return _filled(template, scripts, payload=Markup(_json(payload)), **context)
 
 
+def render_plain(template: str, **context: Any) -> str:
+    """One of the page templates that need no script."""
+    return _filled(template, {}, **context)
+
+
 def render_live() -> str:
     """The page of `softclose serve`, which asks its server, and nobody else, for what it shows."""
     return _filled("live.html.j2", {"script": _asset("live.js")})

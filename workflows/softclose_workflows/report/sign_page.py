@@ -1,0 +1,59 @@
+"""Owns the sign-off as one page of paper."""
+
+from __future__ import annotations
+
+import math
+
+from softclose_workflows.analyses.signing import Line, Sheet, versions_of, waveform_digest
+from softclose_workflows.report.drive_picture import drive_picture
+from softclose_workflows.report.page import render_plain
+from softclose_workflows.tell.assumptions import assumptions
+from softclose_workflows.tell.labels import count, interval, number, percent, percent_interval, pulse_lines
+
+VERDICTS = {"pass": "Pass", "fail": "Fail", "not established": "Not established", "not judged": "–"}
+
+
+def render_sign(sheet: Sheet) -> str:
+    """The whole page."""
+    from markupsafe import Markup
+
+    best, config = sheet.best, sheet.config
+    a = best.assessment
+    return render_plain(
+        "sign.html.j2",
+        sheet=sheet,
+        verdict=sheet.verdict,
+        lines=[_cells(line, a.level) for line in sheet.lines],
+        candidate=best.candidate,
+        n=count(sheet.certification.n_switches),
+        seed=sheet.certification.seed,
+        confidence=100.0 * a.confidence,
+        pulses=pulse_lines([tuple(row) for row in best.waveform.rows().tolist()]),
+        picture=Markup(drive_picture(best.waveform, config.model.horizon_us, config.waveform.max_volts)),
+        digest=waveform_digest(best.waveform),
+        assumed=assumptions(config),
+        versions=versions_of(sheet),
+    )
+
+
+def _cells(line: Line, level: float) -> dict[str, str]:
+    q, share = line.quantity, line.quantity.unit == "1"
+    unit = "" if share else f" {q.unit}"
+
+    def shown(value: float) -> str:
+        return percent(value, 2) if share else f"{number(value, 2)}{unit}"
+
+    low, high = line.value.interval
+    bounds = "exact" if q.per == "drive" else percent_interval(low, high, 2) if share else interval(low, high, 2)
+    sign = "at most" if q.better == "low" else "at least"
+    what = q.long_name
+    if q.per == "switch":
+        what += f", {100.0 * level:g} % of the switches {'at most' if q.better == 'low' else 'at least'}"
+    return {
+        "what": what[:1].upper() + what[1:],
+        "value": "not known" if math.isnan(line.value.estimate) else shown(line.value.estimate),
+        "interval": bounds,
+        "limit": "–" if line.limit is None else f"{sign} {shown(line.limit)}",
+        "verdict": VERDICTS[line.verdict],
+        "kind": line.verdict.replace(" ", "-"),
+    }
