@@ -11,6 +11,12 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from not_run import (  # noqa: F401 - hooks of pytest
+    pytest_deselected,
+    pytest_sessionfinish,
+    pytest_terminal_summary,
+    pytest_testnodedown,
+)
 from programs import require
 
 # A deadline is a claim about the machine: on a busy one the same example passes the next time.

@@ -219,15 +219,15 @@ def test_what_is_no_amplifier_or_scale_is_named() -> None:
         simulate(switches, SOFT, drive_volts=np.ones(3), method="rk")
 
 
-def test_the_compiled_and_the_plain_closed_form_are_one() -> None:
+@pytest.mark.parametrize("scales", [[[1.0, 1.0, 0.0]], [[0.9, 2.0, 1.0], [1.0, 1.0, 0.0], [1.1, 0.0, -1.0]]])
+def test_the_compiled_and_the_plain_closed_form_are_one(scales: list[list[float]]) -> None:
+    """Switch 1 is delivered by its own row of scales, or by the only one."""
     from softclose.kernel.pieces import deliver
 
     drive = Delivered(command=SOFT, bandwidth_kHz=60.0, order=2, delay_us=1.0)
-    command = flatten_pulses(SOFT, 250.0)
-    found = []
-    for function in (deliver, deliver_flat):
-        out = room(command[0], command[2])
-        m = function(*command, drive.path(250.0), 1.0, 1.0, 0.0, *out)
-        found.append([array[:m] for array in out])
-    for a, b in zip(*found, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+    command, path = flatten_pulses(SOFT, 250.0), drive.path(250.0)
+    compiled, plain = room(command[0], command[2]), room(command[0], command[2])
+    n = deliver(1, *command, path, np.array(scales), *compiled)
+    assert deliver_flat(*command, path, 1.0, 1.0, 0.0, *plain) == n
+    for a, b in zip(compiled, plain, strict=True):
+        np.testing.assert_allclose(a[:n], b[:n], rtol=1e-12, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Owns the small campaign that the workflow tests run, and ways to run it in a process of its own."""
+"""Owns the small campaign that the workflow tests run, and ways to run it: here, or in a process of its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from click.testing import CliRunner
+
 from softclose_store import store_state
+from softclose_workflows.cli import main
 
 SMALL = (
     "campaign.budget=8",
@@ -33,12 +36,23 @@ def run_arguments(store: Path, *settings: str, preset: str = "current") -> list[
     return ["run", preset, "--store", str(store), "--quiet", *sets]
 
 
-def softclose(
+def softclose(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run `softclose` in this process to its end; its exit code, and what it printed. An error it does not tell raises.
+
+    A process of its own costs seconds of imports: for tests in which it dies, or sees another environment.
+    """
+    done = CliRunner().invoke(main, list(arguments))
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)
+
+
+def softclose_process(
     *arguments: str,
     env: dict[str, str] | None = None,
     timeout: float = 180.0,
 ) -> subprocess.CompletedProcess[str]:
-    """Run `softclose` to its end and return what it printed."""
+    """Run `softclose` in a process of its own to its end and return what it printed."""
     return subprocess.run(
         command(*arguments),
         capture_output=True,

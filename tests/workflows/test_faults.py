@@ -19,7 +19,7 @@ import numpy as np
 import psutil
 import pytest
 
-from campaigns import SMALL, command, run_arguments, softclose
+from campaigns import SMALL, command, run_arguments, softclose, softclose_process
 from small_campaigns import COARSE, make_campaign
 from softclose import Waveform, plugins, simulate
 from softclose.device.protocol import CannotSimulate
@@ -97,7 +97,7 @@ def test_a_block_that_kills_every_worker_stops_the_run_and_records_nothing(tmp_p
     """Each worker dies at its first marker: a fault of the machine, for all that the run can tell."""
     store = tmp_path / "a.zarr"
     settings = ("campaign.budget=2", "population.n_switches=20", "optimiser.n_initial=2")
-    done = softclose(
+    done = softclose_process(
         *run_arguments(store, *settings), "--workers", "1", env={"SOFTCLOSE_FAULT": "before-marker:1"}, timeout=280
     )
     assert done.returncode == 3, done.stderr
@@ -271,7 +271,7 @@ def test_a_full_disk_stops_cleanly_and_room_lets_it_go_on(tmp_path: Path, refere
 
 def test_a_disk_that_fills_up_inside_a_worker_stops_the_run(tmp_path: Path, reference_store: Path) -> None:
     store = tmp_path / "a.zarr"
-    full = softclose(
+    full = softclose_process(
         *run_arguments(store), "--workers", "1", env={"SOFTCLOSE_FAULT": "inside-chunk-write:40:raise-enospc"}
     )
     assert full.returncode == 3, full.stderr

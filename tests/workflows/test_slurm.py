@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from campaigns import command, committed, softclose, until
+from campaigns import command, committed, softclose, softclose_process, until
 from programs import require
 from slurm import PROGRAMS, Slurm, running_slurm
 from softclose_store import open_campaign, store_state
@@ -77,7 +77,7 @@ def test_a_cancelled_job_is_replaced_and_a_killed_driver_resumed(slurm: Slurm, l
     left = slurm.jobs("softclose-worker", "RUNNING,PENDING")
     if left:  # nobody is there to cancel them; their workers end when the scheduler does not answer
         slurm.ask("scancel", *left)
-    done = softclose("resume", str(store), "--cluster", cluster, "--quiet", env=slurm.environment)
+    done = softclose_process("resume", str(store), "--cluster", cluster, "--quiet", env=slurm.environment)
     assert done.returncode == 0, done.stderr
     assert differences(store, local) == []
     assert open_campaign(str(store)).runtime
@@ -89,12 +89,12 @@ def test_a_submitted_driver_that_is_cancelled_goes_on_in_the_next_job(
 ) -> None:
     store, cluster = tmp_path / "b.zarr", _cluster(tmp_path)
     arguments = [a for a in _arguments(store, verb="submit") if a != "--quiet"]
-    shown = softclose(*arguments, "--cluster", cluster, "--dry-run", env=slurm.environment)
+    shown = softclose_process(*arguments, "--cluster", cluster, "--dry-run", env=slurm.environment)
     assert shown.returncode == 0, shown.stderr
     assert "#SBATCH --job-name=softclose-b" in shown.stdout
     assert "dask_worker tls://" in shown.stdout
     assert not (tmp_path / "jobs" / "softclose-b.sh").exists()
-    submitted = softclose(*arguments, "--cluster", cluster, env=slurm.environment)
+    submitted = softclose_process(*arguments, "--cluster", cluster, env=slurm.environment)
     assert submitted.returncode == 0, submitted.stderr
     first = re.match(r"job (\d+) ", submitted.stdout)
     assert first is not None
@@ -113,7 +113,7 @@ def test_a_submitted_driver_that_is_cancelled_goes_on_in_the_next_job(
 def test_jobs_that_end_before_a_worker_comes_stop_the_run_with_their_last_words(slurm: Slurm, tmp_path: Path) -> None:
     store = tmp_path / "c.zarr"
     cluster = _cluster(tmp_path, 'prologue = ["echo no such module >&2", "exit 7"]')
-    done = softclose(*_arguments(store), "--cluster", cluster, env=slurm.environment)
+    done = softclose_process(*_arguments(store), "--cluster", cluster, env=slurm.environment)
     assert done.returncode == 3
     assert "ended before any worker of theirs came" in done.stderr
     assert "no such module" in done.stderr
@@ -121,7 +121,8 @@ def test_jobs_that_end_before_a_worker_comes_stop_the_run_with_their_last_words(
 
 def test_a_job_that_slurm_refuses_is_an_error_in_its_own_words(slurm: Slurm, tmp_path: Path) -> None:
     store = tmp_path / "d.zarr"
-    done = softclose(*_arguments(store), "--cluster", _cluster(tmp_path, 'queue = "nowhere"'), env=slurm.environment)
+    cluster = _cluster(tmp_path, 'queue = "nowhere"')
+    done = softclose_process(*_arguments(store), "--cluster", cluster, env=slurm.environment)
     assert done.returncode == 2
     assert "invalid partition" in done.stderr
     assert not store.exists()
@@ -134,11 +135,11 @@ def test_workers_end_before_their_walltime_and_others_take_over(slurm: Slurm, tm
     """Jobs of 65 s, a campaign of minutes: no job is killed by its walltime, none of the results differ."""
     store, cluster = tmp_path / "e.zarr", _cluster(tmp_path, 'walltime = "00:01:05"')
     long = ["--set", "campaign.budget=1600", "--set", "store.max_impacts=1"]  # the comparison reads it whole
-    done = softclose(*_arguments(store), *long, "--cluster", cluster, env=slurm.environment, timeout=600.0)
+    done = softclose_process(*_arguments(store), *long, "--cluster", cluster, env=slurm.environment, timeout=600.0)
     assert done.returncode == 0, done.stderr
     logs = [p.read_text() for p in sorted((tmp_path / "jobs").glob("softclose-worker-*.err"))]
     assert len(logs) >= 4
     assert not any("DUE TO TIME LIMIT" in log for log in logs)
     serial = tmp_path / "serial.zarr"
-    assert softclose(*_arguments(serial), *long, "--serial", timeout=600.0).returncode == 0
+    assert softclose(*_arguments(serial), *long, "--serial").returncode == 0
     assert differences(store, serial) == []

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from campaigns import run_arguments, softclose
+from campaigns import run_arguments, softclose_process
 from softclose_workflows.errors import ExecutorError
 from softclose_workflows.run.certificates import make_certificates
 from softclose_workflows.run.executors.dask import remote_cluster
@@ -60,18 +60,18 @@ def _until_it_listens(port: int) -> None:
 
 def test_who_holds_the_key_computes_on_the_cluster_and_nobody_else(reference_store: Path, tmp_path: Path) -> None:
     keys, others = tmp_path / "keys", tmp_path / "others"
-    made = softclose("certificates", str(keys))
+    made = softclose_process("certificates", str(keys))
     assert made.returncode == 0, made.stderr
     assert f"export DASK_CONFIG={keys}" in made.stdout
     make_certificates(others)
     with _cluster(keys) as address:
         store = tmp_path / "a.zarr"
         arguments = [*run_arguments(store), "--scheduler", address]
-        stranger = softclose(*arguments, env={"DASK_CONFIG": str(others)})
+        stranger = softclose_process(*arguments, env={"DASK_CONFIG": str(others)})
         assert stranger.returncode == 2
         assert "no Dask scheduler answers" in stranger.stderr
         assert not store.exists()
-        done = softclose(*arguments, env={"DASK_CONFIG": str(keys)})
+        done = softclose_process(*arguments, env={"DASK_CONFIG": str(keys)})
         assert done.returncode == 0, done.stderr
         assert differences(store, reference_store) == []
 
@@ -90,7 +90,7 @@ def test_a_cluster_that_is_far_away_and_loses_packets_computes_the_same(referenc
             _until_it_listens(port)
             store = tmp_path / "a.zarr"
             arguments = [*run_arguments(store), "--scheduler", f"tls://127.0.0.1:{port}"]
-            done = softclose(*arguments, env={"DASK_CONFIG": str(keys)})
+            done = softclose_process(*arguments, env={"DASK_CONFIG": str(keys)})
         finally:
             relay.kill()
             relay.wait()

@@ -58,8 +58,15 @@ def flatten_lines(trace: Trace, horizon_us: float) -> tuple[FloatArray, IntArray
     return pieces, sloping.astype(np.int64), np.ascontiguousarray(ramps[:, None, :])
 
 
-deliver = njit(error_model="numpy")(deliver_flat)
-"""`deliver_flat`, compiled: for drives that differ from switch to switch."""
+_deliver_flat = njit(error_model="numpy")(deliver_flat)
+
+
+@njit(error_model="numpy", forceinline=True)
+def deliver(i, pieces, n_ramps, ramps, path, scales, out_pieces, out_n, out_ramps):  # type: ignore[no-untyped-def]
+    """What is delivered to switch i, in the out_ arrays; its number of pieces. One row of scales is for all."""
+    row = i if scales.shape[0] > 1 else 0
+    rate, delay, offset = scales[row, 0], scales[row, 1], scales[row, 2]
+    return _deliver_flat(pieces, n_ramps, ramps, path, rate, delay, offset, out_pieces, out_n, out_ramps)
 
 
 @njit(error_model="numpy", forceinline=True)

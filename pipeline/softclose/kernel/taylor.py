@@ -270,37 +270,14 @@ def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., Non
         """
         if source < 0:  # never: closes over the fingerprint, see source.py
             return
+        n_pieces = pieces.shape[0]
         if form == DECAYING:
-            n_pieces = deliver(
-                pieces,
-                n_ramps,
-                ramps,
-                path,
-                scales[0, 0],
-                scales[0, 1],
-                scales[0, 2],
-                out_pieces,
-                out_n,
-                out_ramps,
-            )
             pieces_, n_, ramps_ = out_pieces, out_n, out_ramps
         else:
-            n_pieces = pieces.shape[0]
             pieces_, n_, ramps_ = pieces, n_ramps, ramps
         for i in range(lo, hi):
-            if form == DECAYING and scales.shape[0] > 1:
-                n_pieces = deliver(
-                    pieces,
-                    n_ramps,
-                    ramps,
-                    path,
-                    scales[i, 0],
-                    scales[i, 1],
-                    scales[i, 2],
-                    out_pieces,
-                    out_n,
-                    out_ramps,
-                )
+            if form == DECAYING and (i == lo or scales.shape[0] > 1):
+                n_pieces = deliver(i, pieces, n_ramps, ramps, path, scales, out_pieces, out_n, out_ramps)
             row = i if times.shape[0] > 0 else 0
             event_row = i if impact_time.shape[1] > 0 else 0
             found = _run_switch(
