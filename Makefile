@@ -11,6 +11,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
+# Tests start hundreds of processes: where the environment forbids bytecode, each would compile every module anew.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: help env env-test env-lint run test long wheel lint docs torture damage power-loss mutants clean
 
@@ -58,7 +60,8 @@ run: env  ## the main job: two and three pulses for the current design (RUNS=...
 	$(BIN)/softclose run current-three --store $(RUNS)/current-three.zarr --workers $(WORKERS)
 	$(BIN)/softclose compare $(RUNS)/current.zarr $(RUNS)/current-three.zarr
 
-test: env-test  ## every test, on as many processes as there are cores (TESTERS=...)
+test: env-test  ## a case of every claim, on as many processes as there are cores (TESTERS=...)
+	PYTHONPATH=tests $(BIN)/python -m compile_kernels
 	$(BIN)/python -m pytest --numprocesses $(TESTERS) --dist worksteal
 
 lint: env-lint  ## style, types and the direction of imports
@@ -71,7 +74,8 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	@echo docs/_build/html/index.html
 
-long: env-test  ## tests that take minutes, which `make test` leaves out
+long: env-test  ## what `make test` leaves out: every case of the claims that take minutes
+	PYTHONPATH=tests $(BIN)/python -m compile_kernels
 	$(BIN)/python -m pytest -m long --numprocesses $(TESTERS) --dist worksteal
 
 wheel: env  ## the wheel, installed elsewhere: a small run and its report from an empty folder

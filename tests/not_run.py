@@ -1,4 +1,4 @@
-"""Owns what a test session says at its end of what it did not run: a line for each reason, and how it is made to run."""
+"""Owns what a test session says at its end of what it did not run: a line for each reason, and what to do about it."""
 
 from __future__ import annotations
 

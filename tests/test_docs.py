@@ -20,6 +20,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
+from _pytest.mark import ParameterSet
 from click.testing import CliRunner
 
 from softclose_workflows.cli import main
@@ -66,8 +67,19 @@ def launchers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+SHORT = ("README.md", "docs/how-to/scripts.md", "docs/how-to/compare.md")
+"""Pages that `make test` runs; `make long` runs the others."""
+
+
+def every_page() -> list[ParameterSet]:
+    """Pages with code, by their names."""
+    names = {p.relative_to(ROOT).as_posix(): p for p in pages_with_code()}
+    assert set(SHORT) <= set(names)
+    return [pytest.param(p, id=name, marks=() if name in SHORT else pytest.mark.long) for name, p in names.items()]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", pages_with_code(), ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize("page", every_page())
 def test_every_block_of_the_page_runs(
     page: Path, finished_store: Path, launchers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -284,3 +284,21 @@ def test_an_amplifier_is_second_order_in_its_step(settings: dict[str, Any]) -> N
     fine = area(0.005)
     assert abs(area(0.2) - fine) < 0.05  # V µs, of some 3,000; half a step of 90 V would be 9
     assert abs(area(0.05) - fine) < 0.02
+
+
+@pytest.mark.parametrize("offset", [-4.0, 6.0])
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"slew_volts_per_us": 0.5},
+        {"bandwidth_kHz": 20.0},
+        {"bandwidth_kHz": 20.0, "resolution_volts": 0.5},
+        {"bandwidth_kHz": 20.0, "slew_volts_per_us": 0.5},
+    ],
+    ids=" ".join,
+)
+def test_an_amplifier_at_rest_is_at_its_offset_from_the_first_instant(limits: dict[str, float], offset: float) -> None:
+    """Before the first pulse nothing moves: there is no way from 0 V to the offset."""
+    late = Waveform([Pulse(30.0, 4.0, 20.0, 100.0)])
+    found = _delivered(late, offset_volts=offset, **limits)
+    np.testing.assert_allclose(found.voltage(np.linspace(0.0, 29.9, 300)), offset, atol=TOLERANCE_VOLTS)

@@ -270,3 +270,37 @@ def test_an_ideal_step_in_mid_drive_is_seen_at_its_instant() -> None:
     plain = simulate(switches, late, rtol=1e-11)
     modal = simulate(switches, late, rtol=1e-11, modes=ReducedOrder(mode=(Mode(frequency_kHz=20.0),)))
     np.testing.assert_allclose(modal.max_contact_speed, plain.max_contact_speed, atol=1e-8)
+
+
+def test_a_compliant_contact_presses_and_never_pulls() -> None:
+    """A dashpot that would creep for 15 µs lets go in a fraction of one: what flies off then is the spring alone."""
+    soft = CompliantContact(stiffness_N_per_m=1e4, exponent=1.0, dashpot_uN_s_per_m=6e4)
+    modes = ReducedOrder(mode=(Mode(frequency_kHz=20.0),), contact=soft)
+    drop = Waveform([Pulse(0.0, 0.0, 200.0, 110.0)])
+    times = np.linspace(200.0, 206.0, 6001)
+    found = simulate([MEAN], drop, modes=modes, times_us=times, rtol=1e-10)
+    assert found.x is not None
+    assert found.v is not None
+    travel, _gap, k, m = MEAN
+    omega2 = 1e-3 * k / m
+    x, v = np.asarray(found.x)[0], np.asarray(found.v)[0]
+    assert x[0] > travel, "held, with the contact pressed in"
+    inwards = np.gradient(v, times) + omega2 * x
+    assert inwards.max() < 0.02 * omega2 * travel, "nothing but the spring pulls, and the contact only pushes away"
+    assert x[-1] < 0.9 * travel
+
+
+@pytest.mark.parametrize("modes", [None, ReducedOrder(mode=(Mode(frequency_kHz=20.0),))], ids=["one mode", "modes"])
+def test_a_switch_that_arrives_without_voltage_stays_where_it_sticks_harder_than_its_spring_pulls(
+    modes: ReducedOrder | None,
+) -> None:
+    """It does not rebound: whether it stays is a matter of forces alone."""
+    travel, _gap, k, _m = MEAN
+    flung = Waveform([Pulse(0.0, 4.0, 8.0, 125.0)])
+    ends = []
+    for part in (0.0, 0.98, 1.02):
+        losses = Losses(adhesion_uN=part * k * travel)
+        found = simulate([MEAN], flung, modes=modes, losses=losses, restitution=1e-6, horizon_us=60.0)
+        assert found.first_contact_us[0] > 16.0, "the pulse is over"
+        ends.append(bool(found.closed[0]))
+    assert ends == [False, False, True]

@@ -138,6 +138,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_process_that_compiles_computes_the_same_bits_as_those_that_load_the_cache(tmp_path: Path):
     # On a fresh install each worker compiles or loads, as it happens: the store may not depend on which.

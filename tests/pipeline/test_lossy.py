@@ -72,7 +72,13 @@ def test_the_kernel_agrees_with_its_twin(losses: Losses, waveform: Waveform, see
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("losses", [Losses(quality_factor=8.0), Losses(quality_factor=60.0, film_viscosity_uPa_s=1.0)])
+@pytest.mark.parametrize(
+    "losses",
+    [
+        pytest.param(Losses(quality_factor=8.0), marks=pytest.mark.long),
+        Losses(quality_factor=60.0, film_viscosity_uPa_s=1.0),
+    ],
+)
 def test_the_kernel_agrees_with_the_oracle(losses: Losses) -> None:
     switches = load_population("current").sample(6, seed=29)
     found = simulate(switches, HARD, losses=losses, max_impacts=6, horizon_us=120.0)

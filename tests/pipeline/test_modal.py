@@ -47,8 +47,13 @@ def test_one_mode_without_losses_is_the_kernel(rise: float, peak: float, volts: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("waveform", [SOFT, HARD])
-@pytest.mark.parametrize("film", [0.0, 3.0])
+@pytest.mark.parametrize(
+    ("waveform", "film"),
+    [
+        *(pytest.param(w, film, marks=pytest.mark.long) for w, film in ((SOFT, 0.0), (SOFT, 3.0), (HARD, 0.0))),
+        (HARD, 3.0),
+    ],
+)
 def test_two_modes_agree_with_the_oracle(waveform: Waveform, film: float) -> None:
     modes = ReducedOrder(mode=TWO)
     losses = Losses(film_viscosity_uPa_s=film)

@@ -52,7 +52,12 @@ def _volume(problem: Problem, history: list[Observation]) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "objectives", [("v_u", "p_nc"), ("v_u", "closing", "peak"), ("v_u", "p_nc", "closing", "peak")]
+    "objectives",
+    [
+        ("v_u", "p_nc"),
+        pytest.param(("v_u", "closing", "peak"), marks=pytest.mark.long),
+        pytest.param(("v_u", "p_nc", "closing", "peak"), marks=pytest.mark.long),
+    ],
 )
 def test_the_front_grows_beyond_that_of_as_many_random_points(objectives: tuple[str, ...]) -> None:
     problem = _problem(640, optimiser={"engine": "nsga2", "objectives": objectives})
@@ -118,3 +123,16 @@ def test_without_pymoo_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setitem(sys.modules, "pymoo", None)
     with pytest.raises(EngineError, match=r"softclose\[pareto\]"):
         load_engine("nsga2")
+
+
+def test_failed_candidates_are_no_parents() -> None:
+    """Few enough that all who may be parents are: those that failed make no difference."""
+    problem = _problem(192)
+    history, last = _run(problem), plan(problem)[-1]
+    known = [replace(o, failed=o.index % 3 == 0) for o in history if o.wave < last.index][:90]
+    assert sum(not o.failed for o in known) < 64
+    engine = load_engine("nsga2")
+    with_them = engine.propose_wave(problem, last, known, ())  # type: ignore[union-attr]
+    without = engine.propose_wave(problem, last, [o for o in known if not o.failed], ())  # type: ignore[union-attr]
+    assert [p.waveform for p in with_them] == [p.waveform for p in without]
+    assert {p.origin for p in with_them} == {"nsga2"}

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import by_hand
-from softclose import Pulse, Waveform
+from softclose import Pulse, Waveform, opening
 from softclose.conditions.temperature import heated
 from softclose.evaluate import draw
 from softclose.opening import LOOKS, OpeningError, design_brake, joined, judge_opening, let_go, opened
@@ -61,6 +64,7 @@ def test_a_second_pulse_that_closes_again_is_counted() -> None:
     assert found.p_rebound.estimate == 1.0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_brake_calms_switches_that_it_was_not_designed_on() -> None:
     config = load_config({})
@@ -207,3 +211,56 @@ def test_a_brake_is_designed_on_a_lot_with_conditions_too() -> None:
     brake = design_brake(config, lot, drive, at_us=250.0, budget=40)
     plain, braked = (judge_opening(config, lot, w, at_us=250.0) for w in (drive, brake))
     assert braked.overshoot < plain.overshoot
+
+
+def told(**values: Any) -> Any:
+    """What stands for the opening of a lot."""
+    nothing = SimpleNamespace(estimate=0.0)
+    return SimpleNamespace(**({"overshoot": 0.8, "p_rebound": nothing, "p_stuck": nothing} | values))
+
+
+def test_no_brake_takes_the_drive_above_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where ever more volts would calm the lot, as the drive's falling edge and the brake add up."""
+    config = load_config({}, ["waveform.max_volts=115"])
+    drive = opened(SOFT, 250.0)
+    tried: list[float] = []
+
+    def judged(_config: Any, _lot: Any, waveform: Waveform, **_: Any) -> Any:
+        tried.append(waveform.max_voltage(1e4))
+        return told(overshoot=2.0 - waveform.voltage(np.linspace(250.0, 300.0, 501)).max() / 150.0)
+
+    monkeypatch.setattr(opening, "judge_opening", judged)
+    brake = design_brake(config, draw(config, 20, seed=1), drive, at_us=250.0, budget=600)
+    found = brake.voltage(np.linspace(250.0, 300.0, 501)).max()
+    assert 105.0 < found <= 115.0
+    assert max(tried) <= 115.0, "none above it is even simulated"
+
+
+@pytest.mark.parametrize("fate", ["p_stuck", "p_rebound"])
+def test_a_brake_that_keeps_or_throws_back_switches_pays_for_them(fate: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    config, drive = load_config({}), opened(SOFT, 250.0)
+
+    def judged(_config: Any, _lot: Any, waveform: Waveform, **_: Any) -> Any:
+        share = SimpleNamespace(estimate=1.0 if waveform != drive else 0.0)
+        return told(overshoot=0.1 if waveform != drive else 0.8, **{fate: share})
+
+    monkeypatch.setattr(opening, "judge_opening", judged)
+    assert design_brake(config, draw(config, 20, seed=1), drive, at_us=250.0, budget=40) == drive
+
+
+def test_a_switch_whose_integration_failed_was_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = load_config({})
+    lot, drive = draw(config, 12, seed=1), opened(STEP, 250.0)
+    whole = let_go(config, lot, drive, at_us=250.0)
+    assert whole.held.all()
+    real = opening.respond_each
+
+    def failing(*arguments: Any, **named: Any) -> Any:
+        status = np.zeros(12, dtype=np.int8)
+        status[[2, 7]] = 1, 2
+        return [replace(found, status=status) for found in real(*arguments, **named)]
+
+    monkeypatch.setattr(opening, "respond_each", failing)
+    found = let_go(config, lot, drive, at_us=250.0)
+    assert np.flatnonzero(~found.held).tolist() == [2, 7]
+    assert np.isnan(found.overshoot[[2, 7]]).all()

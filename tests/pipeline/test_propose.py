@@ -163,3 +163,26 @@ def test_botorch_is_optional_and_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "botorch", None)
     with pytest.raises(EngineError, match=r"softclose\[botorch\]"):
         load_engine("botorch")
+
+
+def test_an_extension_starts_from_the_best_on_the_largest_ensemble():
+    """What a candidate promises on fewer switches is no place to start from, however good."""
+    problem = problem_of("sobol", 8, explore={"budget": 24}, finish={"budget": 9}, campaign={"extensions": [6]})
+    waves = plan(problem)
+    extension = waves[-1]
+    before = [o for o in run(problem)[0] if o.index < extension.start]
+    most = max(o.n_switches for o in before)
+    few = next(o for o in before if o.n_switches < most)
+    assert min(o.n_switches for o in before) < most
+
+    proposer = Proposer(problem)
+
+    def proposed(g_cm_s):
+        history = [dataclasses.replace(o, g_cm_s=g_cm_s) if o.index == few.index else o for o in before]
+        return bits(proposer.from_history(extension, history))
+
+    assert proposed(1.0) == proposed(80.0)
+    best = min((o for o in before if o.n_switches == most), key=lambda o: o.g_cm_s)
+    middle = np.mean([problem.space.unit(p.waveform, clip=True) for p in proposer.from_history(extension, before)], 0)
+    apart = [np.linalg.norm(middle - problem.space.unit(o.waveform, clip=True)) for o in (best, few)]
+    assert apart[0] < apart[1]

@@ -164,3 +164,14 @@ def test_a_margin_is_the_upper_end_of_the_paired_difference() -> None:
     apart = g_influence(field[1], b) - g_influence(field[0], a)
     reach = stats.norm.ppf(0.95) * float(np.std(apart)) / math.sqrt(N)
     assert lap.margin_cm_s == pytest.approx(reach - abs(b.g_cm_s - a.g_cm_s), rel=1e-9)
+
+
+def test_what_cannot_be_told_apart_decides_nothing() -> None:
+    """One whose v_u is undefined has no error of its g: it is not beaten, and the race is not won without it."""
+    good, _ = _field(5, (0.0, 0.0))
+    never = SimpleNamespace(max_contact_speed=np.full(N, np.nan), closed=np.zeros(N, dtype=bool))
+    found = race(2, sizes(1000, N), _track([good, never]), tolerance_cm_s=5.0)
+    assert [lap.n_switches for lap in found.laps] == [1000, 2000, 4000, 8000]
+    assert found.finalists == (0, 1)
+    assert math.isinf(found.laps[-1].margin_cm_s)
+    assert not found.decided

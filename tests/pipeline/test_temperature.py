@@ -153,3 +153,16 @@ def test_a_range_of_temperature_makes_a_lot_harder_to_close_softly() -> None:
 def test_what_is_no_table_is_said(settings: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         config(**settings)
+
+
+@pytest.mark.parametrize("names", [["stiffness"], ["gap_um"], ["travel_um"], ["gap_um", "travel_um"], list(TABLES)[1:]])
+def test_every_table_is_used_whichever_others_there_are(names: list[str]) -> None:
+    tables = {"celsius": TABLES["celsius"]} | {name: TABLES[name] for name in names}
+    settings = load_config({"temperature": tables | {"low_C": -40, "high_C": 85}}).temperature
+    lot = draw(load_config({}), 6, seed=3)
+    found = heated(settings, lot, 52.5)
+    changes = {"K": lot["K"] * 0.965, "G": lot["G"] + 0.015, "D": lot["D"] + 0.015}
+    column = {"stiffness": "K", "gap_um": "G", "travel_um": "D"}
+    changed = {column[name] for name in names}
+    for name, expected in changes.items():
+        np.testing.assert_allclose(found[name], expected if name in changed else lot[name], rtol=1e-12, err_msg=name)

@@ -7,6 +7,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -183,3 +184,10 @@ def test_a_store_in_a_bucket_holds_what_a_local_one_holds(s3: str, tmp_path: Any
     keys = open_files(s3, read_only=True)
     local = open_files(tmp_path / "a.zarr", read_only=True)
     assert list_keys(keys) == list_keys(local)
+
+
+@pytest.mark.parametrize(("age_s", "gone"), [(100.0, False), (500.0, False), (700.0, False), (740.0, True)])
+def test_who_only_looks_allows_for_a_clock_that_is_ten_minutes_wrong(age_s: float, gone: bool) -> None:
+    """A lease of two minutes, and ten of the looking host's own error."""
+    held = objects.Version(content=b"", tag="", modified=datetime.now(UTC) - timedelta(seconds=age_s))
+    assert lease.looks_expired(held) is gone

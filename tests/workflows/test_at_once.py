@@ -24,27 +24,29 @@ STUDY = """
 name = "seeds"
 base = "current"
 parameter = "campaign.seed"
-values = [1, 2, 3]
+values = {values}
 """
 
 
-def _arguments(folder: Path, out: str, *more: str) -> list[str]:
+def _arguments(folder: Path, out: str, *more: str, n: int = 3) -> list[str]:
     file = folder / "seeds.toml"
-    file.write_text(STUDY)
+    file.write_text(STUDY.format(values=list(range(1, n + 1))))
     settings = [part for setting in (*SMALL, "explore.budget=0", "finish.budget=0") for part in ("--set", setting)]
     return ["study", str(file), "--out", str(folder / out), "--switches", "100", "--top", "1", "-q", *settings, *more]
 
 
 @pytest.mark.slow
-def test_at_once_leaves_what_one_after_the_other_leaves(tmp_path: Path) -> None:
-    in_turn = softclose(*_arguments(tmp_path, "turn", "--serial"))
-    at_once = softclose(*_arguments(tmp_path, "once", "--workers", "2", "--at-once", "3"))
+@pytest.mark.parametrize("n", [2, pytest.param(3, marks=pytest.mark.long)])
+def test_at_once_leaves_what_one_after_the_other_leaves(n: int, tmp_path: Path) -> None:
+    in_turn = softclose(*_arguments(tmp_path, "turn", "--serial", n=n))
+    at_once = softclose(*_arguments(tmp_path, "once", "--workers", "2", "--at-once", str(n), n=n))
     assert (in_turn.returncode, at_once.returncode) == (0, 0), at_once.stderr
     assert at_once.stdout == in_turn.stdout
     for store in sorted((tmp_path / "turn").glob("*.zarr")):
         assert differences(store, tmp_path / "once" / store.name) == []
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_signal_stops_all_and_the_same_command_continues(tmp_path: Path) -> None:
     more = ("--workers", "2", "--at-once", "2", "--set", "campaign.budget=24")

@@ -33,7 +33,7 @@ def wait_for_commits(store: Path, n: int, process: subprocess.Popen[bytes], time
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_the_store_does_not_depend_on_the_number_of_workers(
     workers: int, tmp_path: Path, reference_store: Path
 ) -> None:
@@ -78,7 +78,14 @@ DESCENTS = (
 """Blocks of twenty candidates, two sets of descents that take turns, and a polish."""
 
 
-@pytest.mark.parametrize("settings", [("campaign.lag=2",), ("campaign.lag=3",), DESCENTS], ids=["2", "3", "descents"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param(("campaign.lag=2",), marks=pytest.mark.long, id="2"),
+        pytest.param(("campaign.lag=3",), id="3"),
+        pytest.param(DESCENTS, marks=pytest.mark.long, id="descents"),
+    ],
+)
 def test_waves_in_flight_together_do_not_make_the_result_depend_on_timing(
     settings: tuple[str, ...], tmp_path: Path
 ) -> None:

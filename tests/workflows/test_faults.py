@@ -92,6 +92,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
                 process.wait()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_block_that_kills_every_worker_stops_the_run_and_records_nothing(tmp_path: Path) -> None:
     """Each worker dies at its first marker: a fault of the machine, for all that the run can tell."""
@@ -167,7 +168,7 @@ def test_a_campaign_on_an_existing_cluster_gives_the_same_store(tmp_path: Path, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("victim", ["worker", "scheduler"])
+@pytest.mark.parametrize("victim", [pytest.param("worker", marks=pytest.mark.long), "scheduler"])
 def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
     victim: str, tmp_path: Path, reference_store: Path
 ) -> None:
@@ -185,7 +186,7 @@ def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.long), signal.SIGTERM])
 def test_the_first_signal_finishes_what_is_in_flight(
     number: signal.Signals, tmp_path: Path, reference_store: Path
 ) -> None:
@@ -216,7 +217,7 @@ BLIND = ("unshare", "--mount", "sh", "-c", 'mount -t tmpfs tmpfs "$1" && shift &
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lacks", ["package", "folder"])
+@pytest.mark.parametrize("lacks", ["package", pytest.param("folder", marks=pytest.mark.long)])
 def test_a_worker_that_lacks_something_gets_no_work(lacks: str, tmp_path: Path, reference_store: Path) -> None:
     store = tmp_path / "shared" / "a.zarr"
     store.parent.mkdir()

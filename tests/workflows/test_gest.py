@@ -130,3 +130,26 @@ def test_constants_and_a_name_of_ones_own_are_kept(records: dict[str, Any]) -> N
     assert all(p["lot"] == 7 for p in points)
     g.ingest([p | {"loss": float(records[OBJECTIVE][p["_id"]])} for p in points])
     assert len(g._history) == 4
+
+
+@pytest.mark.parametrize("lag", [1, 2])
+def test_a_result_that_is_in_is_no_longer_in_flight(lag: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the engine is told to stay away from is what was suggested and has no result."""
+    g = generator(f"campaign.lag={lag}", "campaign.budget=12")
+    told: list[tuple[int, list[Any]]] = []
+    real = g._proposer.propose
+
+    def propose(wave: Any, seen: Any, pending: Any) -> Any:
+        told.append((wave.start - len(seen), list(pending)))
+        return real(wave, seen, pending)
+
+    monkeypatch.setattr(g._proposer, "propose", propose)
+    for _ in range(12):
+        try:
+            points = g.suggest()
+        except ValueError:
+            break
+        g.ingest([p | {OBJECTIVE: 20.0 + p["_id"], "v_u_cm_s": 20.0, "p_nc": 0.0, "p_contact": 1.0} for p in points])
+    assert sum(n for n, _ in told[1:]) == (0 if lag == 1 else sum(len(p) for _, p in told[1:]))
+    assert [len(pending) for _, pending in told] == [n for n, _ in told]
+    assert len(told) > 4

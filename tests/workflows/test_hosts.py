@@ -96,6 +96,7 @@ def _ends_well(driver: Any, store: Path, local: Path) -> None:
     assert verify(str(store)).ok
 
 
+@pytest.mark.long
 def test_a_worker_that_is_cut_off_and_comes_back_spoils_nothing(hosts: Hosts, local: Path, tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
     driver = _drive(hosts, store, _cluster(hosts))

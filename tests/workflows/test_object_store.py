@@ -45,6 +45,7 @@ def fetched(url: str, folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_run_that_is_killed_three_times_ends_as_a_local_one_does(
     s3: str, reference_store: Path, tmp_path: Path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import itertools
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -22,6 +24,7 @@ import pytest
 from campaigns import command, softclose
 from reported import HOSTILE, chromium, hostile_store
 from small_campaigns import COARSE, finish, make_campaign
+from softclose_workflows.report import live
 from softclose_workflows.report.live import Folder, Server
 from test_report_browser import ARGUMENTS, Visit
 
@@ -203,3 +206,17 @@ def test_the_page_follows_a_campaign_in_a_browser(theme: str, server: Server, tm
         assert visit.said == []
         assert all(url.startswith((server.address, "blob:", "data:")) for url in visit.requests), visit.requests
         browser.close()
+
+
+def test_a_page_on_which_nothing_changes_is_told_that_the_server_lives(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line that is no event, after ten seconds of silence and not before."""
+    clock = itertools.count(step=6.0)
+    monkeypatch.setattr(live, "EVERY_S", 0.0)
+    monkeypatch.setattr(live, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    told = server.changes()
+    assert [next(told) for _ in range(3)] == ["[]", "", ""]
+    assert next(clock) == 36.0, "two looks in vain before each"
+    with urllib.request.urlopen(server.address + "events", timeout=30) as stream:
+        assert [stream.readline() for _ in range(4)] == [b"data: []\n", b"\n", b": still here\n", b"\n"]

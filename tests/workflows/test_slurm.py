@@ -57,6 +57,7 @@ def _cluster(folder: Path, *more: str) -> str:
     return str(file)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_cancelled_job_is_replaced_and_a_killed_driver_resumed(slurm: Slurm, local: Path, tmp_path: Path) -> None:
     store, cluster = tmp_path / "a.zarr", _cluster(tmp_path)
@@ -83,6 +84,7 @@ def test_a_cancelled_job_is_replaced_and_a_killed_driver_resumed(slurm: Slurm, l
     assert open_campaign(str(store)).runtime
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_submitted_driver_that_is_cancelled_goes_on_in_the_next_job(
     slurm: Slurm, local: Path, tmp_path: Path

@@ -76,6 +76,7 @@ def test_who_holds_the_key_computes_on_the_cluster_and_nobody_else(reference_sto
         assert differences(store, reference_store) == []
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_cluster_that_is_far_away_and_loses_packets_computes_the_same(reference_store: Path, tmp_path: Path) -> None:
     """50 ms each way between driver and scheduler, and 1 % of the packets half a second later."""

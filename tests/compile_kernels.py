@@ -1,0 +1,91 @@
+"""Compiles every kernel that the tests use, each once and on all cores, before the tests begin.
+
+A kernel takes ten seconds or more; processes of tests that need the same one at the same time would each compile it.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from small_campaigns import FINISHED, make_campaign
+from softclose import Losses, Pulse, ReducedOrder, Waveform, simulate
+from softclose.switch.reduced_order import Mode
+from softclose.waveform import Delivered, Fitted, Trace
+
+MEAN = np.array([[2.43, 3.68, 65.3, 3.41]])
+PULSES = Waveform([Pulse(0.0, 4.0, math.inf, 50.0)])
+DRIVES = {
+    "pulses": PULSES,
+    "low-pass": Delivered(command=PULSES, bandwidth_kHz=50.0),
+    "samples": Fitted.of(Trace(np.linspace(0.0, 20.0, 21), np.linspace(0.0, 50.0, 21)), 0.1),
+}
+MODES = tuple(Mode(frequency_kHz=20.0 * (k + 1), electrode=0.8**k) for k in range(3))
+LOSSES = {
+    "none": {},
+    "Q": {"losses": Losses(quality_factor=20.0)},
+    "film": {"losses": Losses(film_viscosity_uPa_s=1.0)},
+    "two modes": {"modes": ReducedOrder(mode=MODES[:2])},
+    "two modes, film": {"modes": ReducedOrder(mode=MODES[:2]), "losses": Losses(film_viscosity_uPa_s=1.0)},
+}
+
+
+def a_campaign() -> None:
+    """What a search compiles beside the switches."""
+    with tempfile.TemporaryDirectory() as folder:
+        make_campaign(Path(folder) / "a.zarr", *FINISHED)
+
+
+def simulated(drive: str, settings: dict[str, Any]) -> None:
+    """One switch for an instant, with every output."""
+    simulate(MEAN, DRIVES[drive], horizon_us=20.0, times_us=[0.0], max_impacts=1, **settings)
+
+
+def works() -> dict[str, Callable[[], None]]:
+    """What has to be compiled, by its name; about as long in every second as in the others."""
+    found: dict[str, Callable[[], None]] = {"pulses, none": partial(simulated, "pulses", {}), "a campaign": a_campaign}
+    found |= {f"{d}, {name}": partial(simulated, d, settings) for name, settings in LOSSES.items() for d in DRIVES}
+    found["by Runge-Kutta"] = partial(simulated, "pulses", {"method": "rk"})
+    for n in (1, 2, 3):
+        modes = {"method": "rk", "modes": ReducedOrder(mode=MODES[:n])}
+        found[f"{n} modes by Runge-Kutta"] = partial(simulated, "pulses", modes)
+    return found
+
+
+def work_off(names: Any) -> None:
+    """Compile what is left on the list, one after another."""
+    found = works()
+    while (name := names.get()) is not None:
+        begin = time.process_time()
+        found[name]()
+        seconds = time.process_time() - begin
+        if seconds > 2.0:
+            print(f"compiled: {name} in {seconds:.0f} s", flush=True)
+
+
+def main() -> None:
+    """Work off the list in as many processes as there are cores."""
+    context = multiprocessing.get_context("spawn")
+    n = os.cpu_count() or 1
+    names = context.Queue()
+    for name in [*works(), *[None] * n]:
+        names.put(name)
+    workers = [context.Process(target=work_off, args=(names,)) for _ in range(n)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert all(worker.exitcode == 0 for worker in workers), "a kernel does not compile"
+
+
+if __name__ == "__main__":
+    main()
