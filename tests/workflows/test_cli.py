@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 import softclose_workflows
 from softclose import __version__
-from softclose_workflows.cli import main
+from softclose_workflows.cli import COMMANDS, main
 
 HEAVY = ["dask", "distributed", "matplotlib", "numba", "numpy", "pandas", "pydantic", "rich", "scipy"]
 HEAVY += ["skopt", "sklearn", "xarray", "zarr"]
@@ -71,6 +71,25 @@ def test_every_option_says_what_it_does() -> None:
         if isinstance(option, click.Option) and not option.help and option.opts[-1] != "--format"
     ]
     assert silent == []
+
+
+def test_help_has_every_command_in_one_group_with_a_sentence_that_fits_80_columns() -> None:
+    listed = [name.replace("_", "-") for group in COMMANDS.values() for name in group]
+    assert sorted(listed) == sorted(main.commands)
+    assert len(set(listed)) == len(listed)
+    lines = softclose("--help").output.splitlines()
+    for title, group in COMMANDS.items():
+        place = lines.index(f"{title}:")
+        for offset, (name, does) in enumerate(group.items(), start=1):
+            assert lines[place + offset].split(None, 1) == [name.replace("_", "-"), does]
+            assert len(lines[place + offset]) <= 80
+            assert does.endswith(".")
+
+
+def test_no_two_commands_begin_with_the_same_five_letters() -> None:
+    """`certify` stood beside `certificates`, and people took one for the other; what belongs together may."""
+    names = sorted(set(main.commands) - {"compare-engines"})
+    assert len({name[:5] for name in names}) == len(names)
 
 
 def test_version_is_the_package_s() -> None:

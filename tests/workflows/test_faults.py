@@ -482,7 +482,7 @@ def test_a_machine_on_which_no_cluster_starts_is_told_in_one_line(tmp_path: Path
 def test_a_scheduler_that_speaks_tls_is_not_asked_without_a_certificate(tmp_path: Path) -> None:
     done = softclose(*run_arguments(tmp_path / "a.zarr"), "--scheduler", "tls://127.0.0.1:8786")
     assert done.returncode == 2
-    assert "no certificate is configured here: `softclose certificates FOLDER` makes one" in done.stderr
+    assert "no certificate is configured here: `softclose tls FOLDER` makes one" in done.stderr
     assert done.stderr.count("\n") == 1
 
 

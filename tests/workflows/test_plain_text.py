@@ -165,7 +165,7 @@ def test_the_home_folder_is_found_wherever_a_path_is_given(tmp_path: Path, monke
     assert len(open_campaign("~/a.zarr").history()) > 0
     _run("export", "~/a.zarr", "waveform", "-o", "~/drive.csv")
     _run("export", "~/a.zarr", "waveform", "--output=~/drive2.csv")
-    _run("certificates", "~/tls")
+    _run("tls", "~/tls")
     assert {p.name for p in (tmp_path / "home").iterdir()} == {"lot.toml", "a.zarr", "drive.csv", "drive2.csv", "tls"}
     assert {p.name for p in tmp_path.iterdir()} == {"home", "mine.toml"}
 
@@ -173,15 +173,15 @@ def test_the_home_folder_is_found_wherever_a_path_is_given(tmp_path: Path, monke
 def test_keys_do_not_go_into_a_store_or_a_folder_of_others(store: str, tmp_path: Path) -> None:
     before = {p: p.stat().st_mode for p in Path(store).rglob("*")} | {Path(store): Path(store).stat().st_mode}
     for place in (store, f"{store}/records", f"{store}/tls"):
-        assert f"softclose certify {store}" in _run("certificates", place, code=2)
+        assert f"softclose certify {store}" in _run("tls", place, code=2)
     assert {p: p.stat().st_mode for p in Path(store).rglob("*")} | {Path(store): Path(store).stat().st_mode} == before
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("")
-    assert "not an empty folder" in _run("certificates", tmp_path / "mine", code=2)
-    assert "not an empty folder" in _run("certificates", tmp_path / "mine" / "thesis.tex", code=2)
+    assert "not an empty folder" in _run("tls", tmp_path / "mine", code=2)
+    assert "not an empty folder" in _run("tls", tmp_path / "mine" / "thesis.tex", code=2)
     (tmp_path / "new").mkdir()
-    _run("certificates", tmp_path / "new")
-    assert "holds a key already" in _run("certificates", tmp_path / "new", code=2)
+    _run("tls", tmp_path / "new")
+    assert "holds a key already" in _run("tls", tmp_path / "new", code=2)
 
 
 def test_a_path_that_cannot_be_is_bad_input() -> None:

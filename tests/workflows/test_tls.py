@@ -60,7 +60,7 @@ def _until_it_listens(port: int) -> None:
 
 def test_who_holds_the_key_computes_on_the_cluster_and_nobody_else(reference_store: Path, tmp_path: Path) -> None:
     keys, others = tmp_path / "keys", tmp_path / "others"
-    made = softclose_process("certificates", str(keys))
+    made = softclose_process("tls", str(keys))
     assert made.returncode == 0, made.stderr
     assert f"export DASK_CONFIG={keys}" in made.stdout
     make_certificates(others)

@@ -31,7 +31,7 @@ Examples:
 \b
 Exit codes: 0 done; 1 the store is damaged, `softclose verify STORE --repair`;
 2 bad input, nothing was changed; 3 stopped before the end, nothing committed
-is lost and `softclose resume STORE` continues.
+is lost and `softclose resume STORE` continues; 4 a limit of `sign` is not met.
 """
 
 
@@ -41,6 +41,13 @@ class Group(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Expand `~` where a shell leaves it: `--store=~/a.zarr`, `--set population.name=~/lot.toml`, in quotes."""
         return super().parse_args(ctx, [_HOME.sub(_expanded, argument) for argument in args])
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands in groups, as somebody meets them, and not in one list by letter."""
+        widest = max(len(name) for name in self.commands)
+        for title, modules in COMMANDS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.replace("_", "-").ljust(widest), does) for name, does in modules.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a fault of the program itself keeps its traceback."""
@@ -96,37 +103,53 @@ def main(verbose: bool) -> None:
         sys.stdout.reconfigure(errors="replace")
 
 
-COMMANDS = (
-    "assess",
-    "calibrate",
-    "certificates",
-    "certify",
-    "compare",
-    "compare_engines",
-    "completion",
-    "drift",
-    "export",
-    "figures",
-    "opening",
-    "pareto",
-    "populations",
-    "propagate",
-    "report",
-    "reproduce",
-    "rescore",
-    "resume",
-    "run",
-    "sensitivity",
-    "serve",
-    "sign",
-    "status",
-    "study",
-    "submit",
-    "tails",
-    "tolerance",
-    "verify",
-)
-"""Modules of `commands`; each holds a command of its own name."""
+COMMANDS = {
+    "Run": {
+        "populations": "List populations of switches, or describe one.",
+        "calibrate": "Fit a population to measured devices.",
+        "run": "Run a campaign: a shipped preset or your TOML file.",
+        "resume": "Continue a campaign, after a kill too.",
+        "submit": "Run a campaign as a job of a batch scheduler.",
+        "status": "Say how far a campaign is; --watch follows it.",
+    },
+    "Judge": {
+        "certify": "Judge the best candidates on new, unseen switches.",
+        "sign": "Write a one-page sign-off against your limits.",
+        "assess": "Judge a drive that you have recorded.",
+        "rescore": "Rank the candidates by another objective.",
+        "compare": "Compare the best designs of several campaigns.",
+        "compare_engines": "Compare search engines on one problem.",
+    },
+    "Show": {
+        "report": "Write one HTML page about a campaign.",
+        "serve": "Show all campaigns of a folder in the browser, live.",
+        "figures": "Write the figures of a campaign for publication.",
+        "export": "Write waveform, switches or history to a file.",
+        "pareto": "List the trade-offs between two to four objectives.",
+        "opening": "Show how the switches open when they are released.",
+    },
+    "Robustness": {
+        "tolerance": "Show what errors of the generator cost.",
+        "sensitivity": "Show which parameters the spread comes from.",
+        "tails": "Estimate rare failures, far below one in 10,000.",
+        "drift": "Show how far pull-in voltages may drift.",
+        "propagate": "Show what having measured few devices leaves open.",
+    },
+    "Paper": {
+        "reproduce": "Reproduce the published study.",
+        "study": "Run a campaign for each value of a parameter.",
+    },
+    "Administration": {
+        "verify": "Check that a store is undamaged; repair it.",
+        "tls": "Make a TLS certificate for your own cluster.",
+        "completion": "Print the script that completes commands in a shell.",
+    },
+}
+"""Modules of `commands`, each with what it does, in the groups and the order of `--help`. A module holds a command of
+its own name."""
 
-for _name in COMMANDS:
-    main.add_command(getattr(importlib.import_module(f"softclose_workflows.commands.{_name}"), _name))
+for _group in COMMANDS.values():
+    for _name, _does in _group.items():
+        _command = getattr(importlib.import_module(f"softclose_workflows.commands.{_name}"), _name)
+        _command.short_help = _does
+        main.add_command(_command)

@@ -6,7 +6,9 @@ order to the terminal (its title, its clipboard, a cleared screen). Everything t
 
 from __future__ import annotations
 
+import time
 import unicodedata
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -28,6 +30,21 @@ def visible(text: str) -> str:
 def say(text: object, *, err: bool = False) -> None:
     """Print a line."""
     click.echo(visible(str(text)), err=err)
+
+
+class Minutely:
+    """Says on standard error how far something is, a line a minute at most, the first after a minute: for logs."""
+
+    def __init__(self, every_s: float = 60.0) -> None:
+        self._every_s = every_s
+        self._last = time.monotonic()
+
+    def say(self, text: Callable[[], str]) -> None:
+        """Print what `text` gives, where a minute has passed since the last line."""
+        now = time.monotonic()
+        if now - self._last >= self._every_s:
+            self._last = now
+            say(text(), err=True)
 
 
 def plain_console_type() -> type[Console]:

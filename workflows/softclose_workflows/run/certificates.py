@@ -12,7 +12,7 @@ from softclose_workflows.errors import ExecutorError
 CERTIFICATE, KEY, SETTINGS = "certificate.pem", "key.pem", "dask.yaml"
 
 _SETTINGS = """\
-# Whoever has the key beside this file runs code on the cluster. Written by `softclose certificates`.
+# Whoever has the key beside this file runs code on the cluster. Written by `softclose tls`.
 distributed:
   comm:
     require-encryption: true

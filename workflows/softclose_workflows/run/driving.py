@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -68,7 +67,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
             store.note_run(runtime() | {"workers": executor.n_workers})
             if executor.dashboard and not quiet:
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
-            listener = stack.enter_context(show_progress(quiet=quiet or not sys.stderr.isatty()))
+            listener = stack.enter_context(show_progress(quiet=quiet))
             with _still_there(path):
                 Driver(store, executor, stop=stop, listener=listener).run()
         else:

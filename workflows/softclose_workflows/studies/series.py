@@ -20,7 +20,7 @@ from softclose_workflows.run.progress import show_progress
 from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
 from softclose_workflows.studies.at_once import run_at_once
-from softclose_workflows.tell.console import bar, silent
+from softclose_workflows.tell.console import bar
 from softclose_workflows.tell.outputs import check_folder, make_folder
 from softclose_workflows.terminal import say
 
@@ -132,7 +132,7 @@ def _run(path: str, executor: Executor, stop: StopRequest, effort: Effort) -> No
     with DriverStore(path, expected_algorithm=ALGORITHM) as store:
         say_changes(open_campaign(path).runtime)
         store.note_run(runtime() | {"workers": executor.n_workers})
-        with show_progress(quiet=silent(effort.quiet)) as listener:
+        with show_progress(quiet=effort.quiet) as listener:
             Driver(store, executor, stop=stop, listener=listener).run()
 
 

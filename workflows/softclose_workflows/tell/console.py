@@ -1,6 +1,6 @@
 """Owns the terminal: a console that folds nothing in a pipe, and the signs of life of commands that take time.
 
-Progress goes to standard error, and only to a terminal: what a command prints is its result.
+Progress goes to standard error: what a command prints is its result.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from softclose_workflows.terminal import plain_console, plain_console_type
+from softclose_workflows.terminal import Minutely, plain_console, plain_console_type
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -81,9 +81,13 @@ def silent(quiet: bool) -> bool:
 
 @contextlib.contextmanager
 def bar(title: str, *, quiet: bool = False) -> Iterator[Step | None]:
-    """A bar that is gone at the end; None where silent."""
-    if silent(quiet):
+    """A bar that is gone at the end; without a terminal a line a minute, `certifying: 40 %`; None where quiet."""
+    if quiet:
         yield None
+        return
+    if silent(quiet):
+        log = Minutely()
+        yield lambda done, total: log.say(lambda: f"{title}: {100.0 * done / max(total, 1):.0f} %")
         return
     from rich.progress import Progress
 

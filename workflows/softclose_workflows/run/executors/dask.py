@@ -313,13 +313,13 @@ def remote_cluster(address: str, patience_s: float, *, plain_tcp: bool = False) 
 
     if address.startswith("tls://") and Security().get_connection_args("client").get("ssl_context") is None:
         raise ExecutorError(
-            f"{address} speaks TLS, and no certificate is configured here: `softclose certificates FOLDER` makes one "
+            f"{address} speaks TLS, and no certificate is configured here: `softclose tls FOLDER` makes one "
             "and says how to use it (docs/explanation/security.md)"
         )
     if not plain_tcp and not address.startswith(("tls://", "wss://", "inproc://")) and not _is_loopback(address):
         raise ExecutorError(
             f"{address} is another host's and plain TCP, by which everybody on the way can run code as you: use TLS "
-            "(`softclose certificates FOLDER`), or say --plain-tcp where nobody else reaches that network"
+            "(`softclose tls FOLDER`), or say --plain-tcp where nobody else reaches that network"
         )
     try:
         client = Client(address, timeout=10, set_as_default=False)

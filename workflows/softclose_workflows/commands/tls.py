@@ -1,16 +1,16 @@
-"""Owns `softclose certificates`."""
+"""Owns `softclose tls`."""
 
 from __future__ import annotations
 
 import click
 
 
-@click.command(epilog="\b\nExamples:\n  softclose certificates ~/softclose-tls")
+@click.command(epilog="\b\nExamples:\n  softclose tls ~/softclose-tls")
 @click.argument("folder", metavar="FOLDER")
-def certificates(folder: str) -> None:
-    """Make a certificate for a Dask cluster of your own, and say how to use it.
+def tls(folder: str) -> None:
+    """Make a TLS certificate for a Dask cluster of your own.
 
-    FOLDER is readable by you alone and must be seen by every host of the cluster.
+    It prints how to use it. FOLDER is readable by you alone and must be seen by every host of the cluster.
     """
     from softclose_workflows.run.certificates import make_certificates
 

@@ -1,0 +1,92 @@
+"""Claims about progress: it fits 80 columns, and a log gets a line a minute and not one a block."""
+
+from __future__ import annotations
+
+import io
+import math
+import sys
+
+import pytest
+
+from softclose_workflows import terminal
+from softclose_workflows.run import progress
+from softclose_workflows.run.campaign import Progress
+from softclose_workflows.tell.console import bar
+
+
+def state(simulated: int = 640, **other: float) -> Progress:
+    given = {"best_g_cm_s": 15.2, "n_switches_done": 420_000, "n_workers": 2, "n_retries": 0} | other
+    return Progress(committed=simulated, simulated=simulated, budget=1600, stage="explore", **given)  # type: ignore[arg-type]
+
+
+def test_a_line_says_where_it_is_how_good_and_how_fast() -> None:
+    expected = "explore: 640 of 1,600 candidates · best g 15.20 cm/s · 210,000 switches/s · 2 workers"
+    assert progress.line(state(), 2.0) == expected
+    assert progress.line(state(n_workers=1, n_retries=1), 2.0).endswith("1 worker · 1 worker lost")
+    assert "compiling" in progress.line(state(n_switches_done=0, best_g_cm_s=math.inf), 2.0)
+    assert "best" not in progress.line(state(best_g_cm_s=math.inf), 2.0)
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(terminal, "time", made)
+    monkeypatch.setattr(progress, "time", made)
+    return made
+
+
+@pytest.mark.parametrize("kind", ["run", "bar"])
+def test_without_a_terminal_there_is_a_line_a_minute(
+    kind: str, clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = progress.show_progress(quiet=False) if kind == "run" else bar("certifying")
+    with shown as listener:  # type: ignore[attr-defined]
+        assert listener is not None
+        for second in range(1, 301):
+            clock.now = float(second)
+            if kind == "run":
+                listener(state(simulated=second))
+            else:
+                listener(second, 400)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = captured.err.splitlines()
+    assert len(lines) == 5
+    first = "explore: 60 of 1,600 candidates · best g 15.20 cm/s · 7,000 switches/s · 2 workers"
+    assert lines[0] == (first if kind == "run" else "certifying: 15 %")
+
+
+@pytest.mark.parametrize("kind", ["run", "bar"])
+def test_quiet_is_quiet(kind: str) -> None:
+    with progress.show_progress(quiet=True) if kind == "run" else bar("certifying", quiet=True) as listener:  # type: ignore[attr-defined]
+        assert listener is None
+
+
+@pytest.mark.parametrize("width", [80, 139, 140, 200])
+def test_a_bar_fits_on_its_line(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    from rich.console import Console
+
+    written = io.StringIO()
+    monkeypatch.setattr(written, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys, "stderr", written)
+    monkeypatch.setattr(Console, "width", property(lambda self: width))
+    monkeypatch.setenv("TERM", "xterm")
+    with progress.show_progress(quiet=False) as listener:
+        assert listener is not None
+        listener(state(simulated=1599, best_g_cm_s=14.123, n_workers=16, n_retries=2))
+    import re
+
+    lines = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", written.getvalue()).replace("\r", "\n").splitlines()
+    shown = [line for line in lines if "1599/1600" in line]
+    assert shown
+    assert all(len(line) <= width for line in lines)
+    assert all("best g 14.12 cm/s" in line and "left" in line for line in shown)
+    assert all(("16 workers" in line) == (width >= progress.NARROW) for line in shown)
