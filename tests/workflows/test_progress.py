@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import sys
 
 import pytest
@@ -72,18 +73,14 @@ def test_quiet_is_quiet(kind: str) -> None:
 
 @pytest.mark.parametrize("width", [80, 139, 140, 200])
 def test_a_bar_fits_on_its_line(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    from rich.console import Console
-
     written = io.StringIO()
     monkeypatch.setattr(written, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(sys, "stderr", written)
-    monkeypatch.setattr(Console, "width", property(lambda self: width))
+    monkeypatch.setenv("COLUMNS", str(width))
     monkeypatch.setenv("TERM", "xterm")
     with progress.show_progress(quiet=False) as listener:
         assert listener is not None
         listener(state(simulated=1599, best_g_cm_s=14.123, n_workers=16, n_retries=2))
-    import re
-
     lines = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", written.getvalue()).replace("\r", "\n").splitlines()
     shown = [line for line in lines if "1599/1600" in line]
     assert shown
