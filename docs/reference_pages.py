@@ -10,6 +10,7 @@ import ast
 import dataclasses
 import inspect
 import itertools
+import math
 import re
 import textwrap
 import typing
@@ -102,6 +103,8 @@ def _annotations(cls: type) -> dict[str, Any]:
 
 def toml_value(value: Any) -> str:
     """A default as TOML would write it."""
+    if value != value or value == (math.nan,):
+        return "scales with the lot"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     if isinstance(value, str):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 from softclose.propose.plan import plan
@@ -44,12 +45,18 @@ def observe(problem, wave, i, proposal, *, failed=False):
         n_switches=proposal.n_switches,
         g_cm_s=g,
         g_se_cm_s=0.5,
+        rank_cm_s=g,
         v_u_cm_s=g,
         mean_cm_s=g,
         p_nc=0.0,
         p_contact=min(1.0, w.pulses[0].peak_us / 10.0),
         failed=failed,
     )
+
+
+def with_g(o, g, **others):
+    """The same observation with another objective, by which it is ranked."""
+    return dataclasses.replace(o, g_cm_s=g, rank_cm_s=g, **others)
 
 
 def run(problem, *, failing=()):

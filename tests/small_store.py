@@ -115,6 +115,7 @@ def record(i: int) -> dict[str, Any]:
         "feasible": True,
         "n_failed_switches": 0,
         "g_cm_s": 30.0 - i if i != 4 else 29.5,
+        "rank_cm_s": 30.0 - i if i != 4 else 29.5,
         "v_u_cm_s": 20.0,
         "mean_cm_s": 15.0,
         "p_nc": 0.1,

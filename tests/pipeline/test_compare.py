@@ -36,6 +36,7 @@ def observation(index: int, g: float, n_switches: int, *, failed: bool = False) 
         n_switches=n_switches,
         g_cm_s=g,
         g_se_cm_s=0.1,
+        rank_cm_s=g,
         v_u_cm_s=g,
         mean_cm_s=g,
         p_nc=0.0,

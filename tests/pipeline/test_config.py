@@ -116,8 +116,8 @@ def test_a_stored_configuration_is_read_without_its_plugins() -> None:
 
 def test_the_unshaped_step_follows_the_limit() -> None:
     assert load_config({}).reference.step_volts == 100.0
-    assert load_config({}, ["waveform.max_volts=60"]).reference.step_volts == 60.0
-    assert load_config({}, ["waveform.max_volts=60", "reference.step_volts=80"]).reference.step_volts == 80.0
+    assert load_config("current", ["waveform.max_volts=90"]).reference.step_volts == 90.0
+    assert load_config("current", ["waveform.max_volts=90", "reference.step_volts=80"]).reference.step_volts == 80.0
 
 
 def fitted(tmp_path: Path, area: str = "plate_area_um2 = 15000.0") -> str:

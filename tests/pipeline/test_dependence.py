@@ -35,6 +35,7 @@ def history(of: Problem, n: int = 60) -> list[Observation]:
                 n_switches=100,
                 g_cm_s=g,
                 g_se_cm_s=0.1,
+                rank_cm_s=g,
                 v_u_cm_s=g,
                 mean_cm_s=g,
                 p_nc=0.0,

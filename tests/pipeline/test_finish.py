@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from bowl import observe, problem_of
+from bowl import observe, problem_of, with_g
 from softclose.propose.origins import EXTRA, POLISH, RERANK
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
@@ -23,7 +23,7 @@ def walked(problem, g, *, polished=10_000):
         for k, proposal in enumerate(proposer.from_history(wave, history)):
             o = observe(problem, wave, wave.start + k, proposal)
             if wave.stage == "finish":
-                o = dataclasses.replace(o, g_cm_s=g(problem.space.unit(o.waveform, clip=True), o.index))
+                o = with_g(o, g(problem.space.unit(o.waveform, clip=True), o.index))
             history.append(o)
         if sum(o.origin == POLISH for o in history) >= polished:
             break
@@ -69,7 +69,7 @@ def test_a_simplex_at_the_edge_of_the_cube_turns_inwards():
             if wave.start + k == 3:
                 proposal = dataclasses.replace(proposal, waveform=problem.space.waveform(np.full(6, 0.97)))
             o = observe(problem, wave, wave.start + k, proposal)
-            history.append(dataclasses.replace(o, g_cm_s=far(problem.space.unit(o.waveform, clip=True), o.index)))
+            history.append(with_g(o, far(problem.space.unit(o.waveform, clip=True), o.index)))
     start = problem.space.unit(history[3].waveform, clip=True)
     steps = polished(problem, history)[: len(start)] - start
     turned = start + 0.1 >= 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import random
 import sys
@@ -10,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from bowl import bits, observe, problem_of, run
+from bowl import bits, observe, problem_of, run, with_g
 from softclose import plugins
 from softclose.propose.origins import FALLBACK, LOCAL, ORIGINS
 from softclose.propose.plan import plan
@@ -43,7 +42,7 @@ def test_a_wave_does_not_see_what_is_newer_than_its_lag(engine):
     history, proposals = run(problem)
     wave = plan(problem)[-1]
     assert wave.sees == max(wave.index - 2, 0)
-    changed = [dataclasses.replace(o, g_cm_s=-1.0, p_contact=1.0) if o.wave >= wave.sees else o for o in history]
+    changed = [with_g(o, -1.0, p_contact=1.0) if o.wave >= wave.sees else o for o in history]
     again = Proposer(Problem(problem.config)).from_history(wave, changed[: wave.start])
     assert list(again) == proposals[wave.start : wave.stop]
     assert len(seen_by(wave, history)) < wave.start
@@ -178,7 +177,7 @@ def test_an_extension_starts_from_the_best_on_the_largest_ensemble():
     proposer = Proposer(problem)
 
     def proposed(g_cm_s):
-        history = [dataclasses.replace(o, g_cm_s=g_cm_s) if o.index == few.index else o for o in before]
+        history = [with_g(o, g_cm_s) if o.index == few.index else o for o in before]
         return bits(proposer.from_history(extension, history))
 
     assert proposed(1.0) == proposed(80.0)

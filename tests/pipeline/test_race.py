@@ -119,7 +119,7 @@ def test_who_is_beaten_runs_no_further_and_the_race_stops_when_it_is_decided() -
 
 def test_equal_waveforms_are_a_tie_and_independent_ones_run_out_of_switches() -> None:
     field = _field(2, (0.0,))
-    tie = race(2, [500], _track(field * 2), tolerance_cm_s=0.2)
+    tie = race(2, [500], _track(field * 2), tolerance_cm_s=0.2, max_open=1.0)
     assert tie.decided
     # That no switch of 500 differs leaves some that would: z² at most, each worth c1 / n.
     z = stats.norm.ppf(0.975)
@@ -158,7 +158,7 @@ def test_the_spread_of_the_influence_is_the_standard_error_of_g(objective: dict[
 
 def test_a_margin_is_the_upper_end_of_the_paired_difference() -> None:
     field = _field(6, (0.0, 0.02))
-    result = race(2, [N], _track(field), tolerance_cm_s=1e-9, confidence=0.9)
+    result = race(2, [N], _track(field), tolerance_cm_s=1e-9, confidence=0.9, max_open=1.0)
     (lap,) = result.laps
     a, b = (assess(r) for r in field)
     apart = g_influence(field[1], b) - g_influence(field[0], a)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bowl import bits, observe, problem_of, run
+from bowl import bits, observe, problem_of, run, with_g
 from softclose.propose.descents import AGAIN, Descent
 from softclose.propose.design import design_point
 from softclose.propose.explore import explore_ladder
@@ -188,7 +188,7 @@ def test_exploring_is_a_pure_function_of_the_records_with_the_cache_dropped(turn
     kept = Proposer(problem)
     wave = plan(problem)[-1]
     before = [o for o in history if o.wave < wave.index]
-    other = [dataclasses.replace(o, g_cm_s=40.0 - o.g_cm_s) for o in before]
+    other = [with_g(o, 40.0 - o.g_cm_s) for o in before]
     assert bits(kept.from_history(wave, other)) != bits(proposals[wave.start : wave.stop])
     assert bits(kept.from_history(wave, before)) == bits(proposals[wave.start : wave.stop])
 
@@ -199,7 +199,7 @@ def test_descents_do_not_see_the_wave_that_is_in_flight_beside_them(turns):
     history, proposals = run(problem)
     for wave in [w for w in plan(problem) if w.stage == "explore"][turns::2]:
         assert wave.sees == wave.index - turns + 1
-        changed = [dataclasses.replace(o, g_cm_s=-1.0) if o.wave >= wave.sees else o for o in history]
+        changed = [with_g(o, -1.0) if o.wave >= wave.sees else o for o in history]
         again = Proposer(Problem(problem.config)).from_history(wave, changed[: wave.start])
         assert bits(again) == bits(proposals[wave.start : wave.stop])
 
@@ -317,7 +317,7 @@ def test_a_polish_goes_on_with_the_shape_that_its_descent_has_learnt():
         away = problem.space.unit(o.waveform, clip=True) - 0.4
         along = float(away @ axis)
         across = float(((away - along * axis) ** 2).sum())
-        return dataclasses.replace(o, g_cm_s=15.0 + 10.0 * along**2 + 3000.0 * across)
+        return with_g(o, 15.0 + 10.0 * along**2 + 3000.0 * across)
 
     proposer, history = Proposer(problem), []
     for wave in plan(problem):

@@ -180,7 +180,7 @@ def test_the_best_distinct_waveforms_are_those_of_promise_and_the_incumbent() ->
     campaign: Any = SimpleNamespace(
         path="a.zarr",
         best=lambda: SimpleNamespace(candidate=2),
-        records=lambda: {"failed": failed, "g_cm_s": g, "g_se_cm_s": se},
+        records=lambda: {"failed": failed, "rank_cm_s": g, "g_se_cm_s": se},
         waveform=lambda i: Waveform([Pulse(0, 0, math.inf, volts[i])]).rows(),
     )
     config = load_config("current")

@@ -11,13 +11,21 @@ from click.testing import CliRunner
 from PIL import Image
 
 from reported import empty_store
-from softclose import Waveform
+from small_campaigns import COARSE, make_campaign
+from softclose import Waveform, load_config
 from softclose.evaluate import evaluate
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import certify, fresh_switches
 from softclose_workflows.cli import main
 from softclose_workflows.report.compare_page import render_comparison
-from softclose_workflows.report.comparison import Entry, differences, differing_settings, read_entries
+from softclose_workflows.report.comparison import (
+    Entry,
+    differences,
+    differing_settings,
+    not_compared,
+    read_entries,
+    unlike,
+)
 
 
 @pytest.fixture(scope="module")
@@ -113,3 +121,41 @@ def test_on_fresh_switches_all_are_judged_alike_and_differences_are_paired(
     assert f"{b.label} against {a.label}: v_u " in told.output.replace("\n", " ")
     assert "All on fresh switches" in render_comparison([a, b])
     assert differences(read_entries([str(finished_store), str(another_store)])) == []
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        (["model.quality_factor=5"], "model.quality_factor"),
+        (["model.restitution=0.2"], "model.restitution"),
+        (["amplifier.bandwidth_kHz=200"], "amplifier.bandwidth_kHz"),
+        (["model.plate_area_um2=15000"], "model.plate_area_um2"),
+        (["objective.level=0.5"], "objective.level"),
+        (["population.name=modified"], "population"),
+        (["optimiser.engine=sobol", "campaign.seed=9", "objective.c1_cm_s=3"], ""),
+    ],
+)
+def test_only_drives_of_the_same_switches_in_the_same_device_are_compared_switch_by_switch(
+    settings: list[str], named: str
+) -> None:
+    """A damped lot was "softer on 100.0 % of the switches"."""
+    a = load_config("current")
+    found = unlike(a, load_config("current", settings))
+    assert (named in found) if named else found == []
+    assert unlike(a, a) == []
+
+
+def test_what_cannot_be_compared_is_said(finished_store: Path, tmp_path: Path) -> None:
+    damped = make_campaign(tmp_path / "damped.zarr", *COARSE, "model.quality_factor=5", "campaign.name=damped")
+    entries = read_entries([str(finished_store), damped], 200)
+    assert differences(entries) == []
+    (line,) = not_compared(entries)
+    assert "damped is not compared with" in line
+    assert "they differ in model.quality_factor" in line
+    told = CliRunner().invoke(main, ["compare", str(finished_store), damped, "--fresh", "200"])
+    assert "switch by switch: they differ in model.quality_factor" in " ".join(told.output.split())
+    assert "softer on" not in told.output
+    found = json.loads(
+        CliRunner().invoke(main, ["compare", str(finished_store), damped, "--fresh", "200", "--json"]).output
+    )
+    assert (found["differences"], found["not_compared"]) == ([], [line])

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 from PIL import Image
 
 from small_campaigns import COARSE, make_campaign
+from softclose import load_config, load_population
 from softclose.uncertainty.drift import Drift
 from softclose_workflows.analyses.certify import certify
-from softclose_workflows.analyses.drift import sentences
+from softclose_workflows.analyses.drift import sentences, usual
 from softclose_workflows.cli import main
 
 
@@ -51,11 +53,30 @@ def test_it_says_where_v_u_has_doubled_and_draws_it(store: str, tmp_path: Path) 
 
 def test_the_words_follow_the_numbers() -> None:
     class Row:
-        def __init__(self, drift: float) -> None:
-            self.drift = drift
+        def __init__(self, drift: float, p_nc: float = 0.02) -> None:
+            self.drift, self.assessment = drift, SimpleNamespace(p_nc=p_nc)
 
     found = Drift(kind="stiffness", rows=(Row(-0.1), Row(0.0), Row(0.1)), doubled=(-float("inf"), 0.0731))  # type: ignore[arg-type]
     assert sentences(found) == ["v_u has not doubled at -10 %", "v_u has doubled at +7.31 %"]
+    never = (-float("inf"), float("inf"))
+    open_ = Drift(kind="charge", rows=(Row(-16.0, 0.7), Row(0.0), Row(16.0, 1.0)), doubled=never)  # type: ignore[arg-type]
+    assert sentences(open_) == [
+        "at -16 V 70.0% of the switches stay open: v_u is none of the lot there",
+        "at +16 V all switches stay open: v_u is none of the lot there",
+    ]
+
+
+@pytest.mark.parametrize(("stiffer", "reach"), [(1.0, 16.2), (0.0625, 4.04)])
+def test_the_drifts_that_are_looked_at_are_those_of_the_lot(tmp_path: Path, stiffer: float, reach: float) -> None:
+    """±16 V were asked of a switch of 20 V."""
+    mean = load_population("current").mean_switch
+    lot = tmp_path / "lot.toml"
+    lot.write_text(f'name = "x"\nbase = "current"\n[law]\nK = "{stiffer * mean[2]}"\nM = "{mean[3]}"\n')
+    config = load_config({"population": {"name": str(lot)}})
+    charge = usual(config, "charge")
+    assert charge[-1] == pytest.approx(reach, rel=0.02)
+    assert charge == tuple(-v for v in reversed(charge))
+    assert usual(config, "stiffness")[-1] == 0.2
 
 
 def test_bad_drifts_are_one_error(store: str) -> None:

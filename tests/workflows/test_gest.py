@@ -87,13 +87,60 @@ def test_a_result_is_ingested_once_and_under_its_own_id(records: dict[str, Any])
     points = results(g.suggest(2), records)
     g.ingest(points[:1])
     for wrong in (points[:1], [points[1] | {"_id": 77}]):
-        with pytest.raises(ValueError, match="are not waited for"):
+        with pytest.raises(ValueError, match="is not waited for"):
             g.ingest(wrong)
     failed = [points[1] | {OBJECTIVE: math.nan}]
     g.ingest(failed)
     assert g._told[points[1]["_id"]].failed
     with pytest.raises(ValueError, match="were not suggested here"):
         g.ingest([{name: value for name, value in points[0].items() if name != "_id"}])
+
+
+def without(point: dict[str, Any], name: str) -> dict[str, Any]:
+    return {key: value for key, value in point.items() if key != name}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda p: without(p, OBJECTIVE), "has no g_cm_s; give NaN where its evaluation failed"),
+        (lambda p: p | {OBJECTIVE: "soft"}, "'soft', no number"),
+        (lambda p: p | {OBJECTIVE: None}, "None, no number"),
+        (lambda p: p | {"p_nc": [1, 2]}, "no number"),
+        (lambda p: p | {"_id": 77}, "is not waited for"),
+        (lambda p: p | {"_id": "0"}, "is not waited for"),
+        (lambda p: without(p, "_id"), "were not suggested here"),
+        (lambda p: [p], "it must be a mapping"),
+    ],
+)
+@pytest.mark.parametrize("place", [0, 1, 3])
+def test_all_results_are_ingested_or_none(records: dict[str, Any], spoil: Any, words: str, place: int) -> None:
+    """One without an objective lost its point for ever, and `suggest` waited for it."""
+    g, twin = generator(), generator()
+    points, _ = results(g.suggest(), records), twin.suggest()
+    wrong = [spoil(p) if k == place else p for k, p in enumerate(points)]
+    with pytest.raises(ValueError, match=words):
+        g.ingest(wrong)
+    with pytest.raises(ValueError, match="is not waited for"):
+        g.ingest([*points, points[place]])
+    g.ingest(points)
+    twin.ingest(points)
+    assert g.suggest() == twin.suggest()
+
+
+def test_ids_may_come_back_as_a_table_has_them(records: dict[str, Any]) -> None:
+    g = generator()
+    points = results(g.suggest(), records)
+    g.ingest([p | {"_id": kind(p["_id"])} for p, kind in zip(points, [float, np.int64, np.float64, int], strict=True)])
+    assert [o.index for o in g._history] == [0, 1, 2, 3]
+    mine = generator()
+    mine.ingest([p | {"_id": math.nan} for p in points[:2]])
+    assert [p["_id"] for p in mine.suggest()] == [2, 3]
+
+
+def test_its_vocs_can_be_read() -> None:
+    vocs = SoftcloseGenerator.vocs_of("current", SEARCH)
+    assert SoftcloseGenerator(vocs, "current", SEARCH).vocs is vocs
 
 
 def test_what_others_evaluated_comes_first(records: dict[str, Any]) -> None:

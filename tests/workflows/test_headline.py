@@ -137,7 +137,8 @@ def test_failed_candidates_stand_ins_and_an_open_budget_ask_for_attention(data: 
 @pytest.mark.parametrize(("last", "good"), [(19.95, True), (19.5, False)])
 def test_a_campaign_that_still_improves_at_its_end_has_not_converged(data: ReportData, last: float, good: bool) -> None:
     n = len(data.candidates)
-    columns = data.candidates.columns | {"g_cm_s": np.array([*np.full(n - 1, 20.0), last])}
+    g = np.array([*np.full(n - 1, 20.0), last])
+    columns = data.candidates.columns | {"g_cm_s": g, "rank_cm_s": g}
     candidates = dataclasses.replace(data.candidates, columns=columns, failed=np.zeros(n, dtype=bool))
     said = checks(dataclasses.replace(data, candidates=candidates))["Convergence"]
     assert said.good is good

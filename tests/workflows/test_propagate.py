@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
 from softclose import load_population
-from softclose.population.measurements import write_synthetic
+from softclose.population.calibrate import calibrate
+from softclose.population.measurements import read_measurements, write_synthetic
+from softclose.uncertainty.devices import apart
 from softclose_workflows.cli import main
 
 
@@ -50,3 +53,34 @@ def test_bad_input_is_one_error(store: str, devices: str, tmp_path: Path) -> Non
     empty = tmp_path / "none.csv"
     empty.write_text("G_um\n")
     assert "none.csv" in _propagate(store, str(empty), code=2)
+
+
+@pytest.mark.parametrize("change", [{"f": 3.0}, {"D": -0.5}, {"U_pi": 0.25}])
+def test_devices_of_another_lot_are_refused_and_taken_where_it_is_said(
+    store: str, tmp_path: Path, change: dict[str, float]
+) -> None:
+    file = tmp_path / "other.csv"
+    rng = np.random.default_rng(3)
+    rows = ["D_um,G_um,pull_in_V,resonance_kHz"]
+    for _ in range(12):
+        d, g = 2.43 + change.get("D", 0.0) + 0.05 * rng.standard_normal(), 3.68 + 0.03 * rng.standard_normal()
+        u, f = 80.0 * change.get("U_pi", 1.0), 22.0 * change.get("f", 1.0)
+        rows.append(f"{d},{g},{u * (1 + 0.02 * rng.standard_normal())},{f * (1 + 0.02 * rng.standard_normal())}")
+    file.write_text("\n".join(rows) + "\n")
+    few = ("--lots", "20", "--switches", "200")
+    said = " ".join(_propagate(store, str(file), *few, code=2).split())
+    (name,) = change
+    assert "are of another lot than 'current'" in said
+    assert f"{name} is " in said
+    assert "--any-lot" in said
+    taken = " ".join(_propagate(store, str(file), *few, "--any-lot").split())
+    assert "of a shifted or of another lot" in taken
+    assert json.loads(_propagate(store, str(file), *few, "--any-lot", "--json"))["notes"]
+
+
+def test_devices_of_the_lot_itself_are_not_remarked_upon(store: str, tmp_path: Path) -> None:
+    for seed in range(12):
+        file = tmp_path / "own.csv"
+        write_synthetic(load_population("current"), file, n=12, seed=seed)
+        fitted = calibrate(read_measurements(file), n_bootstrap=20).population
+        assert apart(load_population("current"), fitted, 12, 16_700.0) == ([], [])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from small_campaigns import finish
 from softclose.evaluate import draw, evaluate, judge, respond
 from softclose.metrics.paired import compare
+from softclose.metrics.ranking import rank_cm_s
 from softclose.settings import load_config
 from softclose.waveform import Pulse, Waveform
 from softclose_workflows.analyses.certified_tables import comparison_line, print_certification
@@ -42,8 +45,14 @@ def test_a_best_that_a_reference_beats_is_said_by_run_and_certify(
 
 
 def test_a_best_that_is_better_or_a_reference_without_an_objective_says_nothing() -> None:
-    assert beaten_lines(10.0, {"unshaped": 40.0, "deterministic": math.nan}) == []
-    assert len(beaten_lines(41.0, {"unshaped": 40.0, "deterministic": 50.0})) == 1
+    def of(g: float, p_nc: float = 0.0) -> Any:
+        return SimpleNamespace(g_cm_s=g, p_nc=p_nc, rank_cm_s=rank_cm_s(g, p_nc, 0.1))
+
+    assert beaten_lines(of(10.0), {"unshaped": of(40.0), "deterministic": of(math.nan)}) == []
+    assert len(beaten_lines(of(41.0), {"unshaped": of(40.0), "deterministic": of(50.0)})) == 1
+    (line,) = beaten_lines(of(10.0, 0.71), {"unshaped": of(40.0), "deterministic": of(5.0, 0.8)})
+    assert "the unshaped design is better" in line
+    assert "0.0% of the switches open against 71.0%" in line
 
 
 @pytest.mark.parametrize("preset", ["current-damped", "current-two-modes", "current"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from softclose_workflows.analyses.rescore import RescoreError, Score, rescore
 from softclose_workflows.cli import main
 
 N = 80
+PRESET: dict[str, Any] = {"max_open": 1.0, "sampling": "replicated"}
+"""What the preset has and `assess` has not by itself."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +43,7 @@ def _fresh(store: str, candidate: int):  # type: ignore[no-untyped-def]
 )
 def test_another_objective_equals_a_fresh_assessment(store: str, objective: tuple[str, ...], arguments: dict) -> None:  # type: ignore[type-arg]
     for r in rescore(store, Score(objective=objective)):
-        assert repr(r.assessment) == repr(assess(_fresh(store, r.candidate), sampling="replicated", **arguments))
+        assert repr(r.assessment) == repr(assess(_fresh(store, r.candidate), **PRESET, **arguments))
 
 
 def test_other_definitions_equal_a_naive_look_at_a_fresh_simulation(store: str) -> None:
@@ -57,7 +60,7 @@ def test_other_definitions_equal_a_naive_look_at_a_fresh_simulation(store: str) 
             closed = np.array([s <= 90.0 for s in fresh.settling_us])
             settling_us = fresh.settling_us
 
-        assert repr(r.assessment) == repr(replace(assess(Naive(), sampling="replicated"), closed_by_us=90.0))
+        assert repr(r.assessment) == repr(replace(assess(Naive(), **PRESET), closed_by_us=90.0))
 
 
 def test_first_impact_only(store: str) -> None:
@@ -69,7 +72,7 @@ def test_first_impact_only(store: str) -> None:
             closed = fresh.closed
             settling_us = fresh.settling_us
 
-        assert repr(r.assessment) == repr(assess(Naive(), sampling="replicated"))
+        assert repr(r.assessment) == repr(assess(Naive(), **PRESET))
 
 
 def test_the_campaigns_own_score_gives_its_own_records_and_ranking(store: str) -> None:

@@ -14,6 +14,7 @@ from softclose.device.status import Status as Status
 from softclose.kernel import dispatch
 from softclose.population.lot import Lot
 from softclose.switch.losses import Losses
+from softclose.switch.plate import OtherAreaError, plate_area_of
 from softclose.switch.reduced_order import ReducedOrder
 from softclose.waveform import MAX_VOLTS, AnyDrive
 
@@ -129,7 +130,7 @@ def simulate(
     *,
     horizon_us: float = 250.0,
     restitution: float | FloatArray = 0.5,
-    plate_area_um2: float = 16700.0,
+    plate_area_um2: float | None = None,
     rtol: float = 1e-9,
     times_us: ArrayLike | None = None,
     method: Literal["taylor", "rk"] = "taylor",
@@ -159,8 +160,9 @@ def simulate(
         End of the simulation [µs].
     restitution : float or (n,) ndarray
         Speed after an impact over speed before it, in [0, 1]; an array has one entry a switch.
-    plate_area_um2 : float
-        Plate area A of Eq. 1 [µm²].
+    plate_area_um2 : float, optional
+        Plate area A of Eq. 1 [µm²]: by default that of the population that the switches were drawn from, where it has
+        one, else 16,700.
     rtol : float
         Local error per step relative to travels of 1 µm and speeds of 0.1 µm/µs.
     times_us : (n_time,) array-like of float64, optional
@@ -204,7 +206,11 @@ def simulate(
     table = _check_switches(switches.switches if isinstance(switches, Lot) else switches)
     horizon = _number("horizon_us", horizon_us, low=0.0, high=1e6, unit=" µs")
     eta = _restitution(restitution, len(table))
-    area = _number("plate_area_um2", plate_area_um2, low=0.0, high=math.inf, unit=" µm²")
+    asked = None if plate_area_um2 is None else _area(plate_area_um2)
+    try:
+        area = plate_area_of(switches, asked)
+    except OtherAreaError as e:
+        raise SimulationError(str(e)) from e
     stick = _number("v_stick", v_stick, low=0.0, high=math.inf, unit=" µm/µs")
     tolerance = _number("rtol", rtol, low=0.0, high=RTOL_RANGE[1])
     if tolerance < RTOL_RANGE[0]:
@@ -272,6 +278,10 @@ def simulate(
         x=(out.x if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
         v=(out.v if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
     )
+
+
+def _area(given: float) -> float:
+    return _number("plate_area_um2", given, low=0.0, high=math.inf, unit=" µm²")
 
 
 def _check_reach(modes: ReducedOrder, table: FloatArray) -> None:

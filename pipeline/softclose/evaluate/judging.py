@@ -62,6 +62,8 @@ def objective_settings(config: CampaignConfig) -> dict[str, Any]:
         "limits_cm_s": o.limits_cm_s,
         "min_contact": o.min_contact,
         "undefined_v_u_cm_s": o.undefined_v_u_cm_s,
+        "max_open": o.max_open,
+        "warn_open": o.warn_open,
         "confidence": o.confidence,
         "sampling": config.population.sampling,
     }

@@ -86,7 +86,8 @@ def realise(
     parameters = drawn.quantile(u[OWN])
     switches = switches_of(drawn, chain.device, parameters)
     columns: dict[str, FloatArray] = dict(zip(drawn.variables, parameters.T, strict=True))
-    lot = Lot(columns | dict(zip(DEVICE_COLUMNS, switches.T, strict=True)))
+    columns |= dict(zip(DEVICE_COLUMNS, switches.T, strict=True))
+    lot = Lot(columns, plate_area_um2=drawn.plate_area_um2)
     for condition in chain.conditions:
         lot = condition.lot(lot, u)
     return lot

@@ -15,6 +15,7 @@ from softclose.device.drives import Drives
 from softclose.evaluate.chain import Chain, chain_of
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
+from softclose.switch.plate import plate_area_of
 from softclose.waveform import Drive
 
 if TYPE_CHECKING:
@@ -61,6 +62,8 @@ def respond(
     ------
     LotError
         Where the lot lacks a column that a condition needs.
+    OtherAreaError
+        Where it is of another plate area than the campaign's.
     WaveformError
         For a waveform above max_volts.
     """
@@ -84,6 +87,7 @@ def respond_each(
     chain = chain_of(config)
     device = chain.device if horizon_us is None else replace(chain.device, horizon_us=horizon_us)
     table = Lot.of(lot)
+    plate_area_of(table, device.plate_area_um2)  # raises for switches of another one
     drives = drives_of(chain, table, waveform, for_everybody=for_everybody)
     return [device.respond(case, drives, max_volts=max_volts, **outputs) for case in cases_of(chain, table)]
 

@@ -17,6 +17,7 @@ from softclose.metrics import intervals, replicates
 from softclose.metrics.intervals import Interval, Proportion
 from softclose.metrics.joined import joint, reach
 from softclose.metrics.limit import Limit, limit_on
+from softclose.metrics.ranking import open_warning, rank_cm_s
 
 FloatArray = NDArray[np.float64]
 Form = Literal["penalty", "chance"]
@@ -103,6 +104,8 @@ class Assessment:
     """Interval of g; inf above where too few switches touched to bound v_u."""
     g_se_cm_s: float
     """Standard error of g; where v_u is undefined, of its p_nc term only."""
+    rank_cm_s: float
+    """What candidates are ranked by: g, and where more than max_open stay open, p_nc behind every g (`ranking`)."""
     feasible: bool
     """The interval of p_nc lies below p_max; always True in the penalty form."""
     limit: Limit | None
@@ -147,6 +150,16 @@ class Assessment:
     intervals_valid: bool
     """False for one quasi-random sample, whose points are not independent: it has no intervals, NaN throughout."""
 
+    max_open: float
+    """Largest share open up to which g ranks it."""
+    warn_open: float
+    """Largest share open that is told without a warning."""
+
+    @property
+    def open_warning(self) -> str:
+        """A sentence where more than `warn_open` of the switches stay open; else ""."""
+        return open_warning(self.p_nc, max_open=self.max_open, warn_open=self.warn_open)
+
     def to_dict(self) -> dict[str, Any]:
         """Nested plain values, for JSON and stores."""
         return asdict(self)
@@ -167,6 +180,8 @@ def assess(
     chance_penalty_cm_s: float = 500.0,
     min_contact: float = 0.1,
     undefined_v_u_cm_s: float = 60.0,
+    max_open: float = 0.1,
+    warn_open: float = 0.05,
     confidence: float = 0.95,
 ) -> Assessment:
     """Assess one waveform: g, v_u, mean V, p_nc and P(V > limit), each with its interval.
@@ -206,12 +221,21 @@ def assess(
         Where a smaller part of the switches touches, v_u counts as undefined_v_u in g and is reported as NaN.
     undefined_v_u_cm_s : float
         See min_contact [cm/s].
+    max_open : float
+        Waveforms that leave a larger fraction open are ranked behind all others, by that fraction (`rank_cm_s`).
+    warn_open : float
+        Waveforms that leave a larger fraction open are told with a warning (`Assessment.open_warning`).
     confidence : float
         Of every interval.
 
     Returns
     -------
     Assessment
+
+    Notes
+    -----
+    The speeds by default are those of the published study's lot; for another lot they are `objective_settings` of a
+    campaign of it, where they scale with the lot.
 
     Raises
     ------
@@ -277,6 +301,7 @@ def assess(
             g + reach(q_range[1], p_range[1], association, jumps[1]),
         ),
         g_se_cm_s=joint(value_se, p_se, association),
+        rank_cm_s=rank_cm_s(g, p_nc.estimate, max_open),
         feasible=True,
         limit=None,
         v_u_cm_s=v_u,
@@ -298,6 +323,8 @@ def assess(
         confidence=confidence,
         closed_by_us=closed_by_us,
         intervals_valid=sampling != "sobol",
+        max_open=max_open,
+        warn_open=warn_open,
     )
     if sampling == "replicated":
         found = _sectioned(found, speed, closed, _settling(response), risk, penalty, defined)
@@ -566,8 +593,9 @@ def _check(a: dict[str, Any]) -> None:
     for name in ("level", "confidence"):
         if not 0.0 < number(name, a[name]) < 1.0:
             raise ObjectiveError(f"{name} is {a[name]:g}; it must lie between 0 and 1 (0.9 is 90 %)")
-    if not 0.0 <= number("min_contact", a["min_contact"]) <= 1.0:
-        raise ObjectiveError(f"min_contact is {a['min_contact']:g}; it is a fraction, from 0 to 1")
+    for name in ("min_contact", "max_open", "warn_open"):
+        if not 0.0 <= number(name, a[name]) <= 1.0:
+            raise ObjectiveError(f"{name} is {a[name]:g}; it is a fraction, from 0 to 1")
     if isinstance(a["limits_cm_s"], str) or not isinstance(a["limits_cm_s"], Iterable):
         raise ObjectiveError(f"limits_cm_s is {a['limits_cm_s']!r}; give a sequence of speeds, such as (19.7,)")
     for limit in a["limits_cm_s"]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class Lap:
     racing: tuple[int, ...]
     """Waveforms in it, in the order given."""
     best: int
-    """The one with the smallest g."""
+    """The one of the least rank."""
     margin_cm_s: float
     """No waveform in it is better than `best` by more than this, at the race's confidence [cm/s]."""
     out: tuple[int, ...]
@@ -95,6 +95,7 @@ def race(
     *,
     tolerance_cm_s: float,
     confidence: float = 0.95,
+    max_open: float = 0.1,
     **objective: Any,
 ) -> Race:
     """Race waveforms 0 to n_waveforms - 1.
@@ -111,6 +112,9 @@ def race(
         A difference of g that does not matter [cm/s].
     confidence : float
         That none of the race's intervals fails.
+    max_open : float
+        As `assess`: waveforms that leave more open rank behind all others. On which side one is counts as known where
+        the interval of its p_nc says so.
     **objective
         As `assess`: the g that is raced for.
 
@@ -119,13 +123,16 @@ def race(
     Race
     """
     racing = tuple(range(n_waveforms))
-    n_intervals = max(len(rounds) * n_waveforms * (n_waveforms - 1) // 2, 1)
+    of_shares = n_waveforms * (n_waveforms + 1) // 2 if max_open < 1.0 else 0  # of p_nc, and of its differences
+    n_intervals = max(len(rounds) * (n_waveforms * (n_waveforms - 1) // 2 + of_shares), 1)
     z = intervals.normal_quantile(1.0 - (1.0 - confidence) / n_intervals)
     laps: list[Lap] = []
     for n in rounds:
         found = {i: respond(i, n) for i in racing}
-        judged = {i: assess(found[i], **objective) for i in racing}
-        best = min(racing, key=lambda i: (judged[i].g_cm_s, i))
+        judged = {i: assess(found[i], max_open=max_open, **objective) for i in racing}
+        open_p = {i: judged[i].p_nc for i in racing}
+        sides = {i: _side(judged[i], max_open, 1.0 - (1.0 - confidence) / n_intervals) for i in racing}
+        best = min(racing, key=lambda i: (judged[i].rank_cm_s, i))
         own = g_influence(found[best], judged[best], **objective)
         margin, out = 0.0, []
         for i in racing:
@@ -138,15 +145,44 @@ def race(
             slope = max(penalty_slope(judged[j], **objective) for j in (i, best))
             rare = slope**2 * max(z * z / n - float(np.var(open_apart)), 0.0)
             se = math.sqrt((float(np.var(apart)) + rare) / n)
-            if behind > z * se:
+            by_g = math.inf if math.isnan(se) else z * se - behind
+            se_open = math.sqrt(max(float(np.var(open_apart)), z * z / n) / n)
+            more_open = open_p[i] - open_p[best] > z * se_open
+            lead = _lead(sides[i], sides[best], by_g, more_open)
+            if lead < 0.0:
                 out.append(i)
             else:
-                margin = max(margin, math.inf if math.isnan(se) else z * se - behind)
+                margin = max(margin, lead)
         laps.append(Lap(n_switches=n, racing=racing, best=best, margin_cm_s=margin, out=tuple(out)))
         if margin <= tolerance_cm_s:
             break
         racing = tuple(i for i in racing if i not in out)
     return Race(laps=tuple(laps), tolerance_cm_s=tolerance_cm_s, confidence=confidence)
+
+
+def _side(assessment: Assessment, max_open: float, confidence: float) -> Literal["within", "beyond", "unsure"]:
+    """On which side of max_open the share open is, with confidence."""
+    if max_open >= 1.0:
+        return "within"
+    count, n = assessment.n - assessment.n_closed, assessment.n
+    lower, upper = intervals.clopper_pearson(count, n, confidence)
+    return "within" if upper <= max_open else "beyond" if lower > max_open else "unsure"
+
+
+def _lead(own: str, of_best: str, by_g_cm_s: float, more_open: bool) -> float:
+    """By how much a waveform may rank before the best one at most [cm/s]; below 0: it does not.
+
+    own, of_best: their sides. by_g_cm_s: by how much its g may be the smaller one. more_open: it leaves more open,
+    with confidence.
+    """
+    if own != "beyond" and of_best != "within":
+        return math.inf  # it may be the one that leaves few enough open
+    found = -math.inf
+    if own != "beyond":
+        found = by_g_cm_s
+    if of_best != "within" and not more_open:
+        found = math.inf
+    return found
 
 
 def penalty_slope(

@@ -62,9 +62,9 @@ COLUMNS: dict[str, Column] = {
 class Lot:
     """n switches, each column a (n,) array of float64. It never changes: what adds to it makes another one."""
 
-    __slots__ = ("_columns", "_n")
+    __slots__ = ("_columns", "_n", "plate_area_um2")
 
-    def __init__(self, columns: Mapping[str, ArrayLike]) -> None:
+    def __init__(self, columns: Mapping[str, ArrayLike], *, plate_area_um2: float | None = None) -> None:
         found: dict[str, FloatArray] = {}
         for name, values in columns.items():
             if name not in COLUMNS:
@@ -81,6 +81,8 @@ class Lot:
             shown = ", ".join(f"{name}: {len(column)}" for name, column in found.items())
             raise LotError(f"the columns of the lot differ in length ({shown}); each has one value a switch")
         self._columns, self._n = found, sizes.pop()
+        self.plate_area_um2 = plate_area_um2
+        """Plate area that the population was told with [µm²]; None where it has none of its own."""
 
     @classmethod
     def of(cls, switches: Lot | ArrayLike) -> Lot:
@@ -92,12 +94,14 @@ class Lot:
             raise LotError(
                 f"switches have shape {table.shape}; give a Lot, or (n, 4): D [µm], G [µm], K [N/m], M [µg] of each"
             )
-        return cls(dict(zip(DEVICE_COLUMNS, table.T, strict=True)))
+        own = getattr(switches, "plate_area_um2", None)
+        return cls(dict(zip(DEVICE_COLUMNS, table.T, strict=True)), plate_area_um2=own)
 
     @classmethod
     def joined(cls, parts: Sequence[Lot]) -> Lot:
         """Several lots with the same columns, one after the other."""
-        return cls({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return cls(columns, plate_area_um2=parts[0].plate_area_um2)
 
     def __len__(self) -> int:
         return self._n
@@ -142,13 +146,16 @@ class Lot:
 
     def rows(self, which: Any) -> Lot:
         """The switches at a slice, mask or array of indices."""
-        return Lot({name: column[which] for name, column in self._columns.items()})
+        return self._with({name: column[which] for name, column in self._columns.items()})
 
     def with_columns(self, **columns: ArrayLike) -> Lot:
         """The same switches with columns added or replaced."""
-        return Lot({**self._columns, **columns})
+        return self._with({**self._columns, **columns})
 
     def without(self, names: Iterable[str]) -> Lot:
         """The same switches without some columns."""
         left = {*names}
-        return Lot({name: column for name, column in self._columns.items() if name not in left})
+        return self._with({name: column for name, column in self._columns.items() if name not in left})
+
+    def _with(self, columns: Mapping[str, ArrayLike]) -> Lot:
+        return Lot(columns, plate_area_um2=self.plate_area_um2)

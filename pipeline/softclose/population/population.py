@@ -22,7 +22,7 @@ from softclose.population.formula import Formula
 from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
-from softclose.switch.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
+from softclose.switch.plate import A1, PLATE_AREA_UM2, Switches, mass, pull_in_voltage, stiffness
 
 FloatArray = NDArray[np.float64]
 Sampling = Literal["monte-carlo", "sobol", "replicated"]
@@ -186,9 +186,10 @@ class Population:
         Returns
         -------
         (n, 4) ndarray of float64
-            Columns D, G [µm], K [N/m], M [µg].
+            Columns D, G [µm], K [N/m], M [µg]; with the population's own plate area, where it has one (`Switches`).
         """
-        return self.switches(self.sample_parameters(n, seed=seed, sampling=sampling, start=start, stream=stream))
+        table = self.switches(self.sample_parameters(n, seed=seed, sampling=sampling, start=start, stream=stream))
+        return table if self.plate_area_um2 is None else Switches.of(table, self.plate_area_um2)
 
     def sample_parameters(
         self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0

@@ -17,7 +17,7 @@ MOST_RANKED = 500
 def distinct_basins(problem: Problem, records: Sequence[Observation], n: int, distance: float) -> list[Observation]:
     """The best n records that are points of the space, each farther than `distance` (largest coordinate) from every
     better one."""
-    ranked = heapq.nsmallest(MOST_RANKED, (o for o in records if o.usable), key=lambda o: (o.g_cm_s, o.index))
+    ranked = heapq.nsmallest(MOST_RANKED, (o for o in records if o.usable), key=lambda o: (o.rank_cm_s, o.index))
     coordinates, places = problem.space.coordinates_of_all([o.waveform for o in ranked])
     points = np.clip(coordinates, 0.0, 1.0)
     chosen: list[int] = []

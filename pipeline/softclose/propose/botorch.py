@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softclose.metrics.ranking import levelled
 from softclose.propose.origins import BOTORCH, SOBOL
 from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, search_history
 from softclose.propose.sobol import initial_point
@@ -46,7 +47,7 @@ class BotorchEngine:
         with torch.random.fork_rng():
             torch.manual_seed(int(problem.generator("botorch", index).integers(2**62)))
             x = torch.tensor(np.array([space.unit(o.waveform, clip=True) for o in known]))
-            y = -torch.tensor([[o.g_cm_s] for o in known], dtype=torch.float64)
+            y = -torch.tensor(levelled([o.rank_cm_s for o in known])[:, None])
             model = SingleTaskGP(x, y, outcome_transform=Standardize(m=1))
             fit_gpytorch_mll(ExactMarginalLogLikelihood(model.likelihood, model))
             waiting = [space.unit(w, clip=True) for w in pending]

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.metrics.ranking import BEYOND_CM_S
 from softclose.propose.protocol import Problem
 from softclose.waveform.spaces import Space
 
 FloatArray = NDArray[np.float64]
 
-WORST_CM_S = 1e4
-"""What a failed candidate counts as: worse than any objective."""
+WORST_CM_S = 10.0 * BEYOND_CM_S
+"""What a failed candidate counts as: worse than any rank."""
 
 AGAIN = 0.4
 """A run that has converged begins again around its mean, this much as wide as it began."""

@@ -65,10 +65,10 @@ class ExploreEngine:
 
 
 def stage_g(history: Sequence[Observation], begin: int, end: int) -> FloatArray:
-    """(n,) g of the records from `begin` to before `end` [cm/s]; inf where a candidate has none or was not asked
+    """(n,) ranks of the records from `begin` to before `end` [cm/s]; inf where a candidate has none or was not asked
     for."""
     return np.array(
-        [o.g_cm_s if o.usable and not o.origin.startswith(FALLBACK) else np.inf for o in history[begin:end]]
+        [o.rank_cm_s if o.usable and not o.origin.startswith(FALLBACK) else np.inf for o in history[begin:end]]
     )
 
 

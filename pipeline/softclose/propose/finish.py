@@ -62,7 +62,7 @@ class FinishEngine:
             points = _walk(problem, finished)
         waveforms = problem.space.waveforms(points[: wave.size]) if len(points) else []
         found = [Proposal(waveform=w, origin=POLISH, n_switches=wave.n_switches) for w in waveforms]
-        best = min(finished or basins[:1], key=lambda o: (o.g_cm_s, o.index), default=None)
+        best = min(finished or basins[:1], key=lambda o: (o.rank_cm_s, o.index), default=None)
         return (found + _beside(problem, wave, best))[: wave.size]
 
 
@@ -149,7 +149,7 @@ def _run(
 def _walk(problem: Problem, finished: Sequence[Observation]) -> FloatArray:
     """(1, d) the next step of a simplex from the best basin, or from the next one where it has come to an end."""
     answers = Answers(problem.space, finished)
-    ranked = sorted((o for o in finished if o.origin == RERANK), key=lambda o: (o.g_cm_s, o.index))
+    ranked = sorted((o for o in finished if o.origin == RERANK), key=lambda o: (o.rank_cm_s, o.index))
     for o in ranked:
         start = problem.space.unit(o.waveform, clip=True)
         point = next_point(partial(_nelder_mead, start=start, settings=problem.config.finish), answers)

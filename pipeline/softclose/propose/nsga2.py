@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from softclose.metrics.ranking import BEYOND_CM_S, is_beyond
 from softclose.plugins import EngineError
 from softclose.propose.objectives import front_values, worst_values
 from softclose.propose.origins import NSGA2, SOBOL
@@ -69,6 +70,10 @@ def _offspring(problem: Problem, seen: Sequence[Observation], wave: Wave) -> Any
     values = front_values(problem.config, [seen[i] for i in kept], objectives)
     # An undefined v_u counts as in g.
     values = np.where(np.isfinite(values), values, worst_values(problem.config, objectives))
+    # Who leaves too many open is worse than anybody in every objective, and the more so the more it leaves open.
+    ranks = np.array([seen[i].rank_cm_s for i in kept])
+    beyond = is_beyond(ranks)
+    values[beyond] = values.max(axis=0, initial=0.0) + (ranks[beyond] - BEYOND_CM_S)[:, None]
     none = np.zeros(0)  # no constraints: the space repairs what is not admissible
     people = Population.create(
         *(Individual(X=x, F=f, G=none, H=none) for x, f in zip(coordinates, values, strict=True))

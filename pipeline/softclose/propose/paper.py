@@ -52,7 +52,7 @@ class PaperEngine:
         tried = [o for o in search if o.usable and o.origin == PAPER_GRID]
         if not tried:
             return _proposal(problem, problem.space.waveform(initial_point(problem, place)), FALLBACK)
-        start = problem.space.unit(min(tried, key=lambda o: (o.g_cm_s, o.index)).waveform, clip=True)
+        start = problem.space.unit(min(tried, key=lambda o: (o.rank_cm_s, o.index)).waveform, clip=True)
         point = next_point(lambda g: _simplex(g, start), Answers(problem.space, search))
         if point is None or any(problem.space.waveform(point) == w for w in pending):
             return _proposal(problem, problem.space.waveform(initial_point(problem, place)), SOBOL)

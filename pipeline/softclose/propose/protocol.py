@@ -59,13 +59,15 @@ class Observation:
     """Fraction that touched."""
     failed: bool
     """True where no usable result exists; engines learn nothing from it but its place."""
+    rank_cm_s: float
+    """What engines minimise: `softclose.metrics.ranking`; NaN where failed."""
     closing_us: float = math.nan
     """Closing time of the lot [µs]; inf where too many stay open, NaN where it is not known."""
 
     @property
     def usable(self) -> bool:
-        """True where g is a number."""
-        return not self.failed and math.isfinite(self.g_cm_s)
+        """True where it has a rank."""
+        return not self.failed and math.isfinite(self.rank_cm_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

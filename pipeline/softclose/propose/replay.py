@@ -32,7 +32,7 @@ class Answers:
 
     def __init__(self, space: Space, records: Sequence[Observation]) -> None:
         self._space = space
-        self._known = {_key(o.waveform): o.g_cm_s if o.usable else WORST_CM_S for o in records}
+        self._known = {_key(o.waveform): o.rank_cm_s if o.usable else WORST_CM_S for o in records}
 
     def __call__(self, point: FloatArray) -> float:
         """The recorded g at a unit point; raises to the caller of `next_point` where there is none."""

@@ -58,6 +58,7 @@ def evaluate(problem: Problem, switches: Lot, wave: Wave, index: int, proposal: 
         mean_cm_s=a.mean_cm_s,
         p_nc=a.p_nc,
         p_contact=a.p_contact,
+        rank_cm_s=a.rank_cm_s,
         failed=False,
         closing_us=a.closing_us,
     )
@@ -124,7 +125,7 @@ def best_so_far(history: Sequence[Observation]) -> list[Observation | None]:
         if o.usable and (
             best is None
             or o.n_switches > best.n_switches
-            or (o.n_switches == best.n_switches and o.g_cm_s < best.g_cm_s)
+            or (o.n_switches == best.n_switches and o.rank_cm_s < best.rank_cm_s)
         ):
             best = o
         found.append(best)

@@ -20,6 +20,7 @@ from skopt.acquisition import gaussian_ei
 from skopt.learning import GaussianProcessRegressor
 from skopt.learning.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
+from softclose.metrics.ranking import levelled
 from softclose.propose.evidence import Evidence
 from softclose.propose.protocol import Observation, Problem
 from softclose.propose.swing import FARTHEST, free_swing
@@ -120,7 +121,7 @@ def _deviation(variance: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurrogateData:
-    """What the surrogate learns from: canonical points, its inputs there and g."""
+    """What the surrogate learns from: canonical points, its inputs there and g, beyond `max_open` as `levelled`."""
 
     points: FloatArray
     inputs: FloatArray
@@ -139,7 +140,7 @@ def collect(problem: Problem, history: Sequence[Observation]) -> SurrogateData:
     return SurrogateData(
         points=points,
         inputs=surrogate_inputs(problem, points),
-        g=np.array([o.g_cm_s for o in kept], dtype=np.float64),
+        g=levelled([o.rank_cm_s for o in kept]),
         origins=tuple(o.origin for o in kept),
         indices=np.array([o.index for o in kept], dtype=np.int64),
         waves=tuple(o.wave for o in kept),

@@ -28,9 +28,10 @@ from softclose.population import Population, load_population
 from softclose.settings.campaign import CampaignSection, PopulationSection, extension_size
 from softclose.settings.errors import ConfigError
 from softclose.settings.model import ModelSection
-from softclose.settings.objective import STEP_VOLTS, ObjectiveSection, ReferenceSection
+from softclose.settings.objective import ObjectiveSection, ReferenceSection
 from softclose.settings.opening import OpeningSection
 from softclose.settings.overrides import apply, texts
+from softclose.settings.scaled import PUBLISHED, STEP, scaled
 from softclose.settings.search import ExploreSection, FinishSection, OptimiserSection
 from softclose.settings.storage import AUTO_BLOCK_SWITCHES, AUTO_BLOCKS, MAX_BLOCKS, ComputeSection, StoreSection
 from softclose.settings.waveform import WaveformSection
@@ -83,8 +84,6 @@ class CampaignConfig:
                 f"{AREA_RANGE_UM2[0]:g} to {AREA_RANGE_UM2[1]:g} µm²"
             )
         object.__setattr__(self, "model", replace(self.model, plate_area_um2=area))
-        step = self.reference.step_volts or min(STEP_VOLTS, self.waveform.max_volts)
-        object.__setattr__(self, "reference", replace(self.reference, step_volts=step))
         for number, rows in enumerate(self.waveform.initial):
             try:
                 waveform = Waveform.from_rows(rows)
@@ -132,6 +131,7 @@ class CampaignConfig:
                 f"at most {MAX_BLOCKS} are allowed, so that the number of files stays bounded: "
                 f"use {math.ceil(n / MAX_BLOCKS)} or more, or 0"
             )
+        self._scale_with_the_lot()
         return self
 
     def _check_model(self) -> None:
@@ -174,6 +174,38 @@ class CampaignConfig:
         for why, clashes in others.items():
             if clashes:
                 raise ValueError(f"opening.release_us is {release:g}, and {why}: leave one of them out")
+
+    def _scale_with_the_lot(self) -> None:
+        """Write out what the objective and the reference step are by default: in proportion to the lot's own."""
+        o, m = self.objective, self.model
+        missing = [name for name in PUBLISHED if o.is_left_out(name)]
+        if missing or not self.reference.step_volts:
+            step, speeds = scaled(
+                self.population_model,
+                self.reduced_order_model,
+                m.build_losses(),
+                max_volts=self.waveform.max_volts,
+                horizon_us=m.horizon_us,
+                restitution=m.restitution,
+                plate_area_um2=m.plate_area_um2,
+                rtol=self.compute.rtol,
+                method=self.compute.method,
+            )
+            if missing and not speeds:
+                raise ValueError(
+                    f"a step of {step:g} V ({STEP:g} times the pull-in voltage of the mean switch, at most "
+                    "waveform.max_volts) closes too few switches to scale prices with the lot: give "
+                    f"{', '.join(f'objective.{name}' for name in missing)}, or raise waveform.max_volts or "
+                    "model.horizon_us"
+                )
+            object.__setattr__(self, "objective", replace(o, **{name: speeds[name] for name in missing}))
+            step = self.reference.step_volts or step
+            object.__setattr__(self, "reference", replace(self.reference, step_volts=step))
+        if o.form == "chance" and o.p_max > o.max_open:
+            raise ValueError(
+                f"objective.p_max is {o.p_max:g} and objective.max_open {o.max_open:g}: candidates that leave more "
+                "than max_open open rank behind all others; raise max_open to p_max at least"
+            )
 
     def build_reduced_order(self) -> ReducedOrder:
         """The modes, from their stored description."""

@@ -15,14 +15,19 @@ import numpy as np
 
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import evaluate, realise, uniforms
-from softclose.metrics.intervals import Interval
+from softclose.metrics.intervals import NO_INTERVAL, Interval
 from softclose.metrics.objective import Assessment
 from softclose.population.calibrate import plausible_populations
 from softclose.population.population import Population
 from softclose.settings import CampaignConfig
+from softclose.switch.plate import pull_in_voltage, resonance
 from softclose.waveform import FloatArray, Waveform
 
 FEWEST_LOTS = 20
+FAR_OFF = 4.0
+"""Standard errors by which the mean of devices of the same lot is off once in 16,000 times."""
+_N_LOT = 4096
+"""Switches that stand for a lot."""
 
 
 class DevicesError(ValueError):
@@ -49,10 +54,51 @@ class Propagated:
     """Of the intervals."""
 
     def interval(self, name: str) -> Interval:
-        """Percentile interval of `v_u_cm_s`, `p_nc` or `g_cm_s`."""
-        tail = 50.0 * (1.0 - self.confidence)
-        low, high = np.nanpercentile(getattr(self, name), [tail, 100.0 - tail])
+        """Percentile interval of `v_u_cm_s`, `p_nc` or `g_cm_s`; NaN where no lot has one."""
+        tail, values = 50.0 * (1.0 - self.confidence), getattr(self, name)
+        if np.isnan(values).all():
+            return NO_INTERVAL
+        low, high = np.nanpercentile(values, [tail, 100.0 - tail])
         return float(low), float(high)
+
+
+def apart(own: Population, fitted: Population, n_devices: int, plate_area_um2: float) -> tuple[list[str], list[str]]:
+    """How a lot that devices tell of differs from the one that a campaign was made for.
+
+    By travel, gap, pull-in voltage (Eq. 3) and resonance of the mean switch.
+
+    Parameters
+    ----------
+    own, fitted : Population
+        The campaign's lot, and the one fitted to the devices.
+    n_devices : int
+        Devices that it was fitted to.
+    plate_area_um2 : float
+        Plate area of both [µm²].
+
+    Returns
+    -------
+    list of str
+        What lies outside all of the campaign's lot, in words: these devices are of another one.
+    list of str
+        What lies inside, and is further off than `FAR_OFF` standard errors of so many devices.
+    """
+
+    def columns(s: FloatArray) -> FloatArray:
+        return np.stack([s[:, 0], s[:, 1], pull_in_voltage(s, plate_area_um2), resonance(s)])
+
+    lot = columns(np.asarray(own.sample(_N_LOT, seed=0, sampling="sobol")))
+    mean = columns(np.asarray(fitted.sample(_N_LOT, seed=0, sampling="sobol"))).mean(axis=1)
+    other, shifted = [], []
+    for name, unit, values, value in zip(("D", "G", "U_pi", "f"), ("µm", "µm", "V", "kHz"), lot, mean, strict=True):
+        low, high = float(values.min()), float(values.max())
+        said = f"{name} is {value:.4g} {unit} on average, and that of the campaign's lot {values.mean():.4g} ({low:.4g}"
+        said += f"–{high:.4g})"
+        if not low <= value <= high:
+            other.append(said)
+        elif abs(value - values.mean()) > FAR_OFF * values.std() / math.sqrt(n_devices):
+            shifted.append(said)
+    return other, shifted
 
 
 def propagate(

@@ -8,7 +8,10 @@ which costs three times as much.
 from __future__ import annotations
 
 import os
+import struct
 import uuid
+import zipfile
+import zlib
 from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
 from urllib.parse import unquote, urlparse
@@ -153,7 +156,35 @@ def most_bytes(key: str) -> int:
 
 
 class ZippedFiles(ZipStore):
-    """A store that travels as one zip: what an entry says of its size is asked before it is unpacked."""
+    """A store that travels as one zip: what an entry says of its size is asked before it is unpacked.
+
+    Archivers put the folder itself into the file, and some lay notes of their own beside it: the store is the one
+    folder that has a root, and nothing else in the file is looked at.
+    """
+
+    def _sync_open(self) -> None:
+        try:
+            super()._sync_open()
+        except (zipfile.BadZipFile, NotImplementedError, OverflowError, UnicodeDecodeError, struct.error) as e:
+            raise StoreError(f"{self.path} is no zip file, or was cut short on its way ({e}): copy it again") from e
+        folder = self._folder()
+        kept = [info for info in self._zf.infolist() if info.filename.startswith(folder) and not _is_note(info)]
+        for info in kept:
+            info.filename = info.filename.removeprefix(folder)  # what it is called in the file stays `orig_filename`
+        self._zf.filelist[:] = [info for info in kept if info.filename]
+        self._zf.NameToInfo.clear()
+        self._zf.NameToInfo.update({info.filename: info for info in self._zf.filelist})
+
+    def _folder(self) -> str:
+        """The folder of the store within the file, with its slash; "" where it is not in one."""
+        names = [info.filename for info in self._zf.infolist() if not _is_note(info)]
+        roots = [name.removesuffix(ROOT) for name in names if name == ROOT or name.endswith(f"/{ROOT}")]
+        depth = min((root.count("/") for root in roots), default=0)
+        found = sorted({root for root in roots if root.count("/") == depth})
+        if len(found) > 1:
+            told = ", ".join(root.rstrip("/") for root in found[:5])
+            raise StoreError(f"{self.path} holds {len(found)} stores ({told} …): unzip it, and give one of them")
+        return found[0] if found else ""
 
     async def get(self, key: str, prototype: BufferPrototype, byte_range: ByteRequest | None = None) -> Buffer | None:
         """Read a key."""
@@ -165,7 +196,20 @@ class ZippedFiles(ZipStore):
             raise NotPlainError(
                 f"{key} of {self.path} is of {size:,} bytes, and no file of a store is: nothing was read"
             )
-        return await super().get(key, prototype, byte_range)
+        try:
+            return await super().get(key, prototype, byte_range)
+        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as e:
+            raise StoreError(f"{key} of {self.path} cannot be unpacked ({e}): copy the file again") from e
+
+
+def _is_note(info: zipfile.ZipInfo) -> bool:
+    """Whether an entry is an archiver's own, such as macOS's `__MACOSX/` and `.DS_Store`."""
+    *folders, name = info.filename.split("/")
+    return "__MACOSX" in folders or name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
+
+
+ROOT = "zarr.json"
+"""What every store has."""
 
 
 def sync_directory(path: StorePath) -> None:

@@ -238,7 +238,7 @@ class Campaign:
             None where no candidate has a g.
         """
         records = self.records()
-        usable = ~records["failed"] & np.isfinite(records["g_cm_s"])
+        usable = ~records["failed"] & np.isfinite(records["rank_cm_s"])
         if stage is not None:
             first = self.layout.first(stage)
             indices = np.arange(self.committed)
@@ -249,7 +249,7 @@ class Campaign:
         usable &= sizes == n_switches
         if not usable.any():
             return None
-        i = int(np.argmin(np.where(usable, records["g_cm_s"], np.inf)))
+        i = int(np.argmin(np.where(usable, records["rank_cm_s"], np.inf)))
         return Best(
             candidate=i,
             g_cm_s=float(records["g_cm_s"][i]),

@@ -106,6 +106,11 @@ RESULTS: tuple[Field, ...] = (
     *_speed_fields("cvar", "mean contact speed above the upper velocity"),
     *_speed_fields("mean", "mean contact speed"),
     Field(name="g_se_cm_s", unit="cm/s", long_name="standard error of g"),
+    Field(
+        name="rank_cm_s",
+        unit="cm/s",
+        long_name="what candidates are ranked by: g, or behind every g by p_nc where more than max_open stay open",
+    ),
     Field(name="max_cm_s", unit="cm/s", long_name="largest contact speed of the ensemble"),
     Field(name="p_nc", long_name="fraction not closed at the horizon"),
     *_interval_fields("p_nc", "p_nc"),

@@ -163,7 +163,7 @@ def assemble(
         )
         (references if i is None else candidates).append(certified)
     # Ties stay in the order of the campaign, so that the order depends on nothing but the candidates.
-    candidates.sort(key=lambda d: (d.assessment.g_cm_s, d.candidate))
+    candidates.sort(key=lambda d: (d.assessment.rank_cm_s, d.candidate))
     return Certification(request=request, candidates=tuple(candidates), references=tuple(references))
 
 

@@ -51,8 +51,8 @@ def print_certification(result: Certification) -> None:
         )
     for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
-    judged = {d.name: d.assessment.g_cm_s for d in result.references}
-    for line in [*beaten_lines(a.g_cm_s, judged), *missing_lines(result.missing)]:
+    beaten = beaten_lines(a, {d.name: d.assessment for d in result.references})
+    for line in [*filter(None, [a.open_warning]), *beaten, *missing_lines(result.missing)]:
         console.print(line)
     if result.openings is not None:
         o = result.openings
@@ -129,6 +129,7 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
             "seed": result.seed,
             "committed": result.committed,
             "incumbent": result.incumbent,
+            "warning": result.best.assessment.open_warning,
             "candidates": [design(d) for d in result.candidates],
             "references": [design(d) for d in result.references],
             "missing_references": dict(result.missing),

@@ -17,6 +17,7 @@ from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
+from softclose.metrics.ranking import is_beyond
 from softclose.opening import Opening, OpeningError, Openings, assess_opening, joined, let_go
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
@@ -234,7 +235,7 @@ def simulate_fresh(
 
 
 def choose_distinct(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:
-    """The incumbent, and the best distinct candidates: the incumbent first, then by g plus its standard error.
+    """The incumbent, and the best distinct candidates: the incumbent first, then by rank, g plus its standard error.
 
     The standard error stands for the size of the ensemble: g of 200 switches is no promise, g of 20,000 is nearly one.
     """
@@ -242,7 +243,8 @@ def choose_distinct(campaign: Campaign, config: CampaignConfig, top: int) -> tup
     if best is None:
         raise CertifyError(f"{campaign.path} has no usable candidate yet: let the campaign run, then certify")
     table = campaign.records()
-    promise = np.where(table["failed"], math.inf, table["g_cm_s"] + np.nan_to_num(table["g_se_cm_s"]))
+    rank, error = table["rank_cm_s"], np.nan_to_num(table["g_se_cm_s"])
+    promise = np.where(table["failed"], math.inf, np.where(is_beyond(rank), rank, rank + error))
     order = [best.candidate, *(int(i) for i in np.argsort(promise, kind="stable") if np.isfinite(promise[i]))]
     chosen = distinct(
         order,

@@ -8,6 +8,7 @@ from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certify import CertifyError, read_certification
+from softclose_workflows.tell.standing import stored_open_warning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +25,8 @@ class Chosen:
     """`best certified`, `best` or `asked for`."""
     seed: int
     """Seed of the fresh switches to ask it on: the certification's, where there is one."""
+    warning: str
+    """Where it leaves more than objective.warn_open of the switches open, certified where it is; else ""."""
 
 
 def choose(path: str, candidate: int | None = None) -> Chosen:
@@ -41,4 +44,7 @@ def choose(path: str, candidate: int | None = None) -> Chosen:
             raise CertifyError(f"{path} has no usable candidate yet: let the campaign run first")
         candidate, why = best.candidate, "best"
     waveform = Waveform.from_rows(campaign.waveform(candidate))
-    return Chosen(config=config, candidate=candidate, waveform=waveform, why=why, seed=seed)
+    certified = () if certification is None else certification.candidates
+    p_nc = [d.assessment.p_nc for d in certified if d.candidate == candidate]
+    warning = stored_open_warning(campaign.config, *p_nc[:1] or [float(campaign.records()["p_nc"][candidate])])
+    return Chosen(config=config, candidate=candidate, waveform=waveform, why=why, seed=seed, warning=warning)

@@ -7,7 +7,7 @@ from typing import Any
 
 from softclose.population.calibrate import calibrate
 from softclose.population.measurements import read_measurements
-from softclose.uncertainty.devices import Propagated
+from softclose.uncertainty.devices import DevicesError, Propagated, apart
 from softclose.uncertainty.devices import propagate as propagate_devices
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
@@ -29,17 +29,29 @@ def propagate(
     n_lots: int = 200,
     n_switches: int = 4_000,
     seed: int = 0,
+    any_lot: bool = False,
     threads: int = 1,
     listener: Step | None = None,
-) -> tuple[Chosen, Propagated]:
-    """A stored waveform on lots that a file's devices may have come from. Raises MeasurementError, DevicesError."""
+) -> tuple[Chosen, Propagated, list[str]]:
+    """A stored waveform on lots that a file's devices may have come from, and what is to be said of them.
+
+    any_lot: devices of another lot than the campaign's are taken too. Raises MeasurementError, DevicesError.
+    """
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
     devices = read_measurements(measurements, columns=columns)
     fitted = calibrate(
         devices, bounds=bounds, plate_area_um2=chosen.config.model.plate_area_um2, n_bootstrap=20, seed=seed
     )
-    return chosen, propagate_devices(
+    own, area = chosen.config.build_population(), chosen.config.model.plate_area_um2
+    other, shifted = apart(own, fitted.population, len(devices.device), area)
+    if other and not any_lot:
+        raise DevicesError(
+            f"the devices of {measurements} are of another lot than {own.name!r}: {'; '.join(other)}. Give the devices "
+            "of the campaign's lot, or say that the waveform is to be judged on another one (--any-lot)"
+        )
+    notes = [f"the devices are of a shifted or of another lot: {said}" for said in (*other, *shifted)]
+    found = propagate_devices(
         chosen.config,
         chosen.waveform,
         fitted.population,
@@ -51,6 +63,7 @@ def propagate(
         threads=threads,
         listener=listener,
     )
+    return chosen, found, notes
 
 
 def said(chosen: Chosen, found: Propagated) -> list[str]:
@@ -80,12 +93,13 @@ def said(chosen: Chosen, found: Propagated) -> list[str]:
     return lines
 
 
-def to_json(chosen: Chosen, found: Propagated) -> dict[str, Any]:
+def to_json(chosen: Chosen, found: Propagated, notes: list[str]) -> dict[str, Any]:
     """Plain values."""
     plain: dict[str, Any] = finite(
         {
             "candidate": chosen.candidate,
             "n_devices": found.n_devices,
+            "notes": notes,
             "n_lots": len(found.p_nc),
             "n_failed": found.n_failed,
             "confidence": found.confidence,

@@ -6,7 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from softclose.uncertainty.drift import Drift, Kind
+from softclose.device.told import mean_switch
+from softclose.evaluate.chain import chain_of
+from softclose.settings import CampaignConfig
+from softclose.uncertainty.drift import Drift, DriftError, Kind
 from softclose.uncertainty.drift import drift as assess_drift
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
@@ -15,11 +18,21 @@ from softclose_workflows.tell.console import Step, wide_console
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import share_open, with_interval
 
-USUAL: dict[Kind, tuple[float, ...]] = {
-    "stiffness": (-0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2),
-    "charge": (-16.0, -8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0, 16.0),
-}
-"""Drifts that are looked at where none is named."""
+USUAL = (-0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2)
+"""Drifts that are looked at where none is named, as parts of the pull-in voltage."""
+MOST_OPEN = 0.5
+"""Share of open switches beyond which v_u is of a minority, and its doubling no news."""
+
+
+def usual(config: CampaignConfig, kind: Kind) -> tuple[float, ...]:
+    """Drifts to look at: parts of the mean switch's pull-in voltage, in the device model; of charge in volts [V]."""
+    if kind == "stiffness":
+        return USUAL
+    device = chain_of(config).device
+    volts = float(device.closing_voltage(mean_switch(config.build_population(), device))[0])
+    if not math.isfinite(volts):
+        raise DriftError("the lot has no pull-in voltage to take drifts from: name them (--at)")
+    return tuple(float(f"{part * volts:.2g}") for part in USUAL)
 
 
 def drift(
@@ -36,7 +49,7 @@ def drift(
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
     switches = fresh_switches(chosen.config, n_switches, seed=chosen.seed)
-    wanted = values or USUAL[kind]
+    wanted = values or usual(chosen.config, kind)
     return chosen, assess_drift(
         chosen.config, switches, chosen.waveform, kind, wanted, threads=threads, listener=listener
     )
@@ -53,7 +66,11 @@ def sentences(found: Drift) -> list[str]:
     for value, side in zip(found.doubled, (found.rows[0].drift, found.rows[-1].drift), strict=True):
         if side == 0.0:
             continue
-        if math.isinf(value):
+        last = next(r.assessment for r in found.rows if r.drift == side)
+        if math.isinf(value) and not last.p_nc <= MOST_OPEN:
+            few = "all" if last.p_nc == 1.0 else f"{last.p_nc:.1%} of the"
+            said.append(f"at {shown(found.kind, side)} {few} switches stay open: v_u is none of the lot there")
+        elif math.isinf(value):
             said.append(f"v_u has not doubled at {shown(found.kind, side)}")
         else:
             said.append(f"v_u has doubled at {shown(found.kind, value)}")
@@ -95,6 +112,7 @@ def to_json(chosen: Chosen, found: Drift) -> dict[str, Any]:
         {
             "candidate": chosen.candidate,
             "kind": found.kind,
+            "said": sentences(found),
             "doubled": [None if math.isinf(v) else v for v in found.doubled],
             "rows": [
                 {"drift": r.drift, "change": r.comparison.to_dict(), **r.assessment.to_dict()} for r in found.rows

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.metrics.pareto import hypervolume, pareto_front
+from softclose.metrics.ranking import is_beyond
 from softclose.propose.objectives import UNITS, front_values, worst_values
 from softclose.propose.protocol import Observation
 from softclose.settings import CampaignConfig
@@ -57,6 +58,8 @@ def front_of(
         return None
     most = int(sizes[usable].max())
     values[sizes != most] = math.nan
+    compared = np.asarray(np.isfinite(values).all(axis=1))
+    values[_behind(np.array([o.rank_cm_s for o in history]), compared)] = math.nan
     worst = worst_values(config, chosen)
     n = len(values)
     steps = sorted({math.ceil(n * k / _STEPS) for k in range(1, _STEPS + 1)})
@@ -68,6 +71,14 @@ def front_of(
         candidates=tuple(int(i) for i in pareto_front(values)),
         growth=tuple((k, hypervolume(values[:k], worst)) for k in steps),
     )
+
+
+def _behind(ranks: FloatArray, compared: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) who leaves more than `max_open` open, and is on no front; where all do, all but who leaves fewest open."""
+    beyond = is_beyond(ranks)
+    if not beyond[compared].all():
+        return beyond
+    return np.asarray(ranks > ranks[compared].min())
 
 
 def print_front(path: str, objectives: Sequence[FrontObjective]) -> None:

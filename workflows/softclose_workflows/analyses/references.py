@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from softclose.device.protocol import ModelError
 from softclose.evaluate import respond
 from softclose.evaluate.chain import chain_of
+from softclose.metrics.objective import Assessment
+from softclose.metrics.ranking import is_beyond
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
@@ -75,16 +77,22 @@ def simulate_references(config: CampaignConfig, lot: Lot) -> SimulatedReferences
     return SimulatedReferences(responses=responses, missing=references.missing)
 
 
-def beaten_lines(best_g_cm_s: float, references: Mapping[str, float]) -> list[str]:
-    """One line for people for each reference design whose objective is smaller than that of the best candidate.
+def beaten_lines(best: Assessment, references: Mapping[str, Assessment]) -> list[str]:
+    """One line for people for each reference design that ranks before the best candidate.
 
-    references: name -> g on the same switches [cm/s]. A reference competes: what a search finds should beat it.
+    references: by name, on the same switches. A reference competes: what a search finds should beat it.
     """
+
+    def compared(a: Assessment) -> str:
+        if is_beyond(best.rank_cm_s):
+            return f"{a.p_nc:.1%} of the switches open against {best.p_nc:.1%}"
+        return f"g {a.g_cm_s:.2f} against {best.g_cm_s:.2f} cm/s on the same switches"
+
     return [
-        f"the {name} design is better than the best candidate (g {g:.2f} against {best_g_cm_s:.2f} cm/s on the same "
-        "switches): give the search more candidates (resume --budget), or widen its space and limits"
-        for name, g in references.items()
-        if g < best_g_cm_s
+        f"the {name} design is better than the best candidate ({compared(a)}): give the search more candidates "
+        "(resume --budget), or widen its space and limits"
+        for name, a in references.items()
+        if a.rank_cm_s < best.rank_cm_s
     ]
 
 

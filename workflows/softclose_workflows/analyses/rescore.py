@@ -146,8 +146,8 @@ def rescore(path: str, score: Score) -> list[Rescored]:
             assessments[i] = judge(config, judged(campaign.responses(i), score))
         except RescoreError as e:
             raise RescoreError(f"candidate {i}: {e}") from e
-    before = {i: rank for rank, i in enumerate(sorted(usable, key=lambda i: float(table["g_cm_s"][i])), start=1)}
-    order = sorted(usable, key=lambda i: assessments[i].g_cm_s)
+    before = {i: rank for rank, i in enumerate(sorted(usable, key=lambda i: float(table["rank_cm_s"][i])), start=1)}
+    order = sorted(usable, key=lambda i: assessments[i].rank_cm_s)
     return [
         Rescored(
             candidate=i,

@@ -42,10 +42,12 @@ def print_result(path: str) -> None:
         ],
         f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",
     )
-    limit = judge(config, campaign.responses(best.candidate)).limit
-    said = [limit.sentence] if limit is not None else []
-    judged = {name: judge(config, response).g_cm_s for name, (_, response) in references.responses.items()}
-    beaten = beaten_lines(float(record["g_cm_s"]), judged)
+    found = judge(config, campaign.responses(best.candidate))
+    said = [found.limit.sentence] if found.limit is not None else []
+    said = [*filter(None, [found.open_warning]), *said]
+    beaten = beaten_lines(
+        found, {name: judge(config, response) for name, (_, response) in references.responses.items()}
+    )
     for line in [*said, *beaten, *missing_lines(references.missing), *trouble_lines(read_standing(path))]:
         print(line)
     openings = read_opening(path, best.candidate)

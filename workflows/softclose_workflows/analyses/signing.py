@@ -185,6 +185,7 @@ def sheet_to_json(sheet: Sheet) -> dict[str, Any]:
     plain: dict[str, Any] = finite(
         {
             "verdict": sheet.verdict,
+            "warning": best.assessment.open_warning,
             "limits": [
                 {
                     "quantity": line.quantity.name,

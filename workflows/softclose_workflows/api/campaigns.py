@@ -21,7 +21,7 @@ from softclose_workflows.analyses import rescore as rescoring
 from softclose_workflows.analyses.certification import Certification
 from softclose_workflows.analyses.certify import certify as certify_store
 from softclose_workflows.analyses.finalists import certify_within
-from softclose_workflows.api.results import CampaignRun, Result, metrics
+from softclose_workflows.api.results import CampaignRun, Result, metrics, warned
 from softclose_workflows.run import extension
 from softclose_workflows.run.driving import drive
 from softclose_workflows.run.executors import Placement
@@ -185,7 +185,12 @@ def certify(
         {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.optimism_cm_s}
         for d in (*found.candidates, *found.references)
     ]
-    return Result(value=found, title=f"{path} on {found.n_switches:,} fresh switches", rows=rows)
+    return Result(
+        value=found,
+        title=f"{path} on {found.n_switches:,} fresh switches",
+        rows=rows,
+        notes=warned(found.best.assessment),
+    )
 
 
 def rescore(
@@ -226,7 +231,7 @@ def rescore(
         | metrics(r.assessment)
         for r in found
     ]
-    return Result(value=found, title=f"{path}, rescored", rows=rows)
+    return Result(value=found, title=f"{path}, rescored", rows=rows, notes=warned(*(r.assessment for r in found[:1])))
 
 
 def tolerance(

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from softclose.metrics.ranking import rank_cm_s
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, Proposal, seen_by
@@ -30,6 +31,8 @@ except ImportError as e:
 
 OBJECTIVE = "g_cm_s"
 """What is minimised, as the names of a store have it [cm/s]."""
+MORE = ("g_se_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact")
+"""What a result may say beside it; NaN where it does not."""
 
 
 class SoftcloseGenerator(Generator):  # type: ignore[misc]
@@ -49,7 +52,8 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
     def __init__(self, vocs: VOCS, source: Any = "current", settings: Iterable[str] = ()) -> None:
         self._start(load_config(source, settings))
         super().__init__(vocs)
-        self._vocs = vocs
+        self.vocs = vocs
+        """What was given: Xopt asks for it."""
         (self._objective,) = vocs.objectives
 
     @classmethod
@@ -80,17 +84,28 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
         return [self._point(proposal.waveform) | {"_id": i} for i, proposal in found]
 
     def ingest(self, results: list[dict[str, Any]]) -> None:
-        """See the standard. Points of others (without `_id`) are taken before the first suggestion only."""
-        unknown = [r["_id"] for r in results if "_id" in r and r["_id"] not in self._out]
-        if unknown:
-            raise ValueError(f"the points {unknown} are not waited for: each result is ingested once, under its _id")
-        others = [r for r in results if "_id" not in r]
+        """See the standard. Points of others (without `_id`) are taken before the first suggestion only.
+
+        All results are taken, or none: each is looked at before anything changes. An objective that is NaN says that
+        the evaluation failed.
+        """
+        told: dict[int, tuple[Mapping[str, Any], dict[str, float]]] = {}
+        others: list[tuple[Mapping[str, Any], dict[str, float]]] = []
+        for place, result in enumerate(results):
+            numbers = self._numbers(place, result)
+            if _is_unnamed(result):
+                others.append((result, numbers))
+                continue
+            i = self._identity(result)
+            if i not in self._out or i in told:
+                raise ValueError(
+                    f"the point {result['_id']!r} is not waited for: each result is ingested once, under its _id"
+                )
+            told[i] = result, numbers
         if others:
             self._begin_with(others)
-        for result in results:
-            if "_id" in result:
-                i = result["_id"]
-                self._told[i] = self._observation(i, self._out.pop(i), result)
+        for i, (_, numbers) in told.items():
+            self._told[i] = self._observation(i, self._out.pop(i), numbers)
         self._move_on()
 
     def _validate_vocs(self, vocs: VOCS) -> None:
@@ -143,13 +158,13 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             self._history += [self._told.pop(i) for i in range(wave.start, wave.stop)]
             self._flying = self._flying[wave.size :]
 
-    def _begin_with(self, points: list[dict[str, Any]]) -> None:
+    def _begin_with(self, points: Sequence[tuple[Mapping[str, Any], dict[str, float]]]) -> None:
         """Another's evaluations become the campaign's first candidates, with their results."""
         if self._wave:
             raise ValueError("points without _id were not suggested here; they are taken before the first suggestion")
         config = self._problem.config
         try:
-            waveforms = [self.waveform(point) for point in points]
+            waveforms = [self.waveform(point) for point, _ in points]
         except (KeyError, TypeError, ValueError, SpaceError) as e:
             raise BenchError(f"a point lacks a variable of this search, or it is no number ({e!r})") from e
         initial = [*config.waveform.initial_waveforms(), *waveforms]
@@ -158,16 +173,42 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
         self._start(replace(config, waveform=replace(config.waveform, initial=rows)))
         while len(self._flying) < len(initial) and self._propose():
             pass
-        for k, point in enumerate(points, start=known):
+        for k, (_, numbers) in enumerate(points, start=known):
             i, proposal = self._ready[known]
             assert i == k
             del self._ready[known]
-            self._told[i] = self._observation(i, proposal, point)
+            self._told[i] = self._observation(i, proposal, numbers)
         self._move_on()
 
-    def _observation(self, i: int, proposal: Proposal, result: Mapping[str, Any]) -> Observation:
-        g = float(result[self._objective])
-        numbers = {name: float(result.get(name, math.nan)) for name in ("g_se_cm_s", "v_u_cm_s", "mean_cm_s")}
+    def _identity(self, result: Mapping[str, Any]) -> int:
+        """The `_id` of a result; frameworks that keep points in tables give it back as a float."""
+        value = result["_id"]
+        if isinstance(value, float | np.floating) and float(value).is_integer():
+            return int(value)
+        return value if isinstance(value, int) else int(value) if isinstance(value, np.integer) else -1
+
+    def _numbers(self, place: int, result: Mapping[str, Any]) -> dict[str, float]:
+        """What an observation takes of a result; raises ValueError for one that cannot be taken."""
+        if not isinstance(result, Mapping):
+            raise ValueError(f"result {place} is {result!r}; it must be a mapping of names to values")
+        if self._objective not in result:
+            raise ValueError(
+                f"result {place} (_id {result.get('_id')}) has no {self._objective}; give NaN where its evaluation "
+                "failed. Nothing was ingested"
+            )
+        found = {}
+        for name in (self._objective, *MORE):
+            try:
+                found[name] = float(result.get(name, math.nan))
+            except (TypeError, ValueError) as e:
+                raise ValueError(
+                    f"result {place} (_id {result.get('_id')}): {name} is {result[name]!r}, no number. Nothing was "
+                    "ingested"
+                ) from e
+        return found
+
+    def _observation(self, i: int, proposal: Proposal, numbers: Mapping[str, float]) -> Observation:
+        g, p_nc = numbers[self._objective], numbers["p_nc"]
         return Observation(
             index=i,
             wave=next(w.index for w in self._waves if w.start <= i < w.stop),
@@ -175,15 +216,20 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             origin=proposal.origin,
             n_switches=proposal.n_switches,
             g_cm_s=g,
-            p_nc=float(result.get("p_nc", math.nan)),
-            p_contact=float(result.get("p_contact", math.nan)),
+            rank_cm_s=rank_cm_s(g, p_nc, self._problem.config.objective.max_open),
             failed=not math.isfinite(g),
-            **numbers,
+            **{name: numbers[name] for name in MORE},
         )
 
     def _point(self, waveform: Waveform) -> dict[str, Any]:
         space = self._problem.space
         unit: FloatArray = space.unit(waveform, clip=True)
         point: dict[str, Any] = {c.name: float(c.value(u)) for c, u in zip(space.coordinates, unit, strict=True)}
-        constants = {name: constant.value for name, constant in (self._vocs.constants or {}).items()}
+        constants = {name: constant.value for name, constant in (self.vocs.constants or {}).items()}
         return point | constants
+
+
+def _is_unnamed(result: Mapping[str, Any]) -> bool:
+    """Whether a result is of a point of somebody else's: without `_id`, or with NaN, as a table has it."""
+    value = result.get("_id")
+    return value is None or (isinstance(value, float | np.floating) and math.isnan(value))

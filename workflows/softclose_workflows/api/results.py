@@ -113,6 +113,7 @@ class CampaignRun(os.PathLike[str]):
                 f"best: candidate {b.candidate}, g {b.g_cm_s:.2f} cm/s, v_u {b.v_u_cm_s:.2f} cm/s, p_nc {b.p_nc:.4f} "
                 f"on {b.n_switches:,} switches" + beside(n_failed_of(b), b.n_switches)
             )
+            lines += filter(None, [s.warning])
             lines += describe_waveform(waveform_rows(b.waveform)).splitlines()
         return lines
 
@@ -127,6 +128,11 @@ def metrics(a: Assessment) -> dict[str, float]:
         "mean V [cm/s]": a.mean_cm_s,
         "p_nc": a.p_nc,
     }
+
+
+def warned(*assessments: Assessment) -> tuple[str, ...]:
+    """Notes where waveforms leave many switches open."""
+    return tuple(a.open_warning for a in assessments if a.open_warning)
 
 
 def _shown(value: Any) -> str:

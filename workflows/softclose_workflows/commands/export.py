@@ -232,7 +232,7 @@ def _emit_codes(
     comments = [*_comments(campaign, i, drive), *(f"{name}: {value}" for name, value in about.items())]
     text = codes_text(codes, comments if settings["header"] else [])
     if output is not None:  # the description first: codes never lie about without their scale
-        about |= {"candidate": i, "fingerprint": campaign.fingerprint}
+        about |= {"candidate": i, "fingerprint": campaign.fingerprint, "warning": _warning(campaign, i)}
         _emit(json_text(about) + "\n", output.with_name(output.name + ".json"))
     _emit(text, output)
 
@@ -259,6 +259,7 @@ def _emit_instrument(
     content = WRITERS[form](played)
     _check_delivered(campaign, drive, np.arange(played.volts.size) / played.rate_MSps, played.volts * gain, settings)
     about = {"format": form, **played.settings(), "candidate": i, "fingerprint": campaign.fingerprint}
+    about["warning"] = _warning(campaign, i)
     _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
     write_bytes(output, content)
     say(f"wrote {output}", err=True)
@@ -379,10 +380,20 @@ def _whole(store: str, i: int) -> Waveform:
 
 
 def _candidate(campaign: Campaign, i: int | None) -> int:
-    """The candidate asked for, or the best certified one, or the best."""
+    """The candidate asked for, or the best certified one, or the best; said where it leaves many switches open."""
     from softclose_workflows.analyses.chosen import choose
 
-    return choose(campaign.path, i).candidate
+    found = choose(campaign.path, i)
+    if found.warning:
+        say(found.warning, err=True)
+    return found.candidate
+
+
+def _warning(campaign: Campaign, i: int) -> str:
+    """What a file says where its waveform leaves many switches open; else ""."""
+    from softclose_workflows.analyses.chosen import choose
+
+    return choose(campaign.path, i).warning
 
 
 def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
@@ -393,6 +404,7 @@ def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
     name = cell(campaign.config["campaign"]["name"])  # one line: in a netlist a line of its own could be a command
     return [
         f"softclose waveform: candidate {i} of {name} ({campaign.fingerprint[:12]})",
+        *filter(None, [_warning(campaign, i)]),
         *lines,
     ]
 

@@ -25,6 +25,7 @@ from softclose_workflows.terminal import say
 @click.option("--lots", type=int, default=200, show_default=True, help="Lots that the devices may have come from.")
 @click.option("--switches", type=click.IntRange(min=100), default=4_000, show_default=True, help="Of each lot.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of devices and switches.")
+@click.option("--any-lot", is_flag=True, help="Devices of another lot than the campaign's are taken, and said.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def propagate(
@@ -36,6 +37,7 @@ def propagate(
     lots: int,
     switches: int,
     seed: int,
+    any_lot: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -55,7 +57,7 @@ def propagate(
 
     known = parsed_bounds(bounds)
     with bar("refitting", quiet=quiet) as listener:
-        chosen, found = run(
+        chosen, found, notes = run(
             store,
             measurements,
             columns=parsed_columns(columns, NAMES),
@@ -64,11 +66,12 @@ def propagate(
             n_lots=lots,
             n_switches=switches,
             seed=seed,
+            any_lot=any_lot,
             threads=n_cores(),
             listener=listener,
         )
     if as_json:
-        click.echo(json_text(to_json(chosen, found)))
+        click.echo(json_text(to_json(chosen, found, notes)))
         return
-    for line in said(chosen, found):
+    for line in [*notes, *said(chosen, found)]:
         say(line)

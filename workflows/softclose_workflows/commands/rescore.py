@@ -12,6 +12,7 @@ import click
 @click.argument("store", metavar="STORE")
 @click.option("--level", type=float, help="Quantile of V that is v_u.")
 @click.option("--c1", "c1_cm_s", type=float, help="Penalty per unit probability of not closing [cm/s].")
+@click.option("--max-open", type=float, help="Candidates that leave a larger fraction open rank behind all others.")
 @click.option("--limit", "limits", type=float, multiple=True, help="Report P(V > limit) [cm/s]; repeatable.")
 @click.option("--form", type=click.Choice(["penalty", "chance"]), help="Form of the objective.")
 @click.option("--p-max", type=float, help="Largest admissible p_nc of the chance-constrained form.")
@@ -45,6 +46,7 @@ def rescore(
     store: str,
     level: float | None,
     c1_cm_s: float | None,
+    max_open: float | None,
     limits: tuple[float, ...],
     form: str | None,
     p_max: float | None,
@@ -69,6 +71,7 @@ def rescore(
     given = {
         "level": level,
         "c1_cm_s": c1_cm_s,
+        "max_open": max_open,
         "form": form and f'"{form}"',
         "p_max": p_max,
         "confidence": confidence,
@@ -112,6 +115,8 @@ def rescore(
         )
     console = wide_console()
     console.print(table)
+    if ranking and ranking[0].assessment.open_warning:
+        console.print(ranking[0].assessment.open_warning)
     limit = ranking[0].assessment.limit if ranking else None
     if limit is not None:
         console.print(f"candidate {ranking[0].candidate}: {limit.sentence}")

@@ -63,6 +63,8 @@ def sign(
         write_text(path, render_sign(sheet))
         if not quiet:
             click.echo(f"verdict: {sheet.verdict}")
+            if sheet.best.assessment.open_warning:
+                click.echo(sheet.best.assessment.open_warning)
             say_written([path])
     if sheet.verdict in ("fail", "not established"):
         ctx.exit(EXIT_NOT_PASSED)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from softclose_workflows.analyses.certified_tables import comparison_line
 from softclose_workflows.report.compare_page import table_rows
-from softclose_workflows.report.comparison import Entry, differences, differing_settings
+from softclose_workflows.report.comparison import Entry, differences, differing_settings, not_compared
 from softclose_workflows.tell.console import wide_console
 
 
@@ -30,3 +30,8 @@ def print_comparison(entries: Sequence[Entry]) -> None:
     console.print(table)
     for label, first, difference in differences(entries):
         console.print(Text(f"{label} against {first}: {comparison_line(difference)}"))
+    for line in not_compared(entries):
+        console.print(Text(line))
+    for entry in entries:
+        if entry.design is not None and entry.design.assessment.open_warning:
+            console.print(Text(f"{entry.label}: {entry.design.assessment.open_warning}"))

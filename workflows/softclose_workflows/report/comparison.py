@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from softclose.metrics.objective import Judged
 from softclose.metrics.paired import Comparison, compare
+from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.gather import gather
@@ -80,11 +81,11 @@ def _on_fresh(entry: Entry, n: int, seed: int) -> Entry:
 
 
 def differences(entries: Sequence[Entry]) -> list[tuple[str, str, Comparison]]:
-    """(label, label of the first, difference switch by switch) of each campaign against the first of its population."""
+    """(label, label of the first, difference switch by switch) of each campaign against the first that it can be held
+    against: of the same lot in the same device, behind the same amplifier, at the same temperatures."""
     found = []
     for k, entry in enumerate(entries):
-        others = (e for e in entries[:k] if e.data.config.population_model == entry.data.config.population_model)
-        first = next(others, None)
+        first = next((e for e in entries[:k] if not unlike(e.data.config, entry.data.config)), None)
         if first is None or first.fresh is None or entry.fresh is None or not first.design or not entry.design:
             continue
         pair = compare(
@@ -94,6 +95,35 @@ def differences(entries: Sequence[Entry]) -> list[tuple[str, str, Comparison]]:
         )
         found.append((entry.label, first.label, pair))
     return found
+
+
+def unlike(a: CampaignConfig, b: CampaignConfig) -> list[str]:
+    """What differs of all that has to be the same for two drives to be compared switch by switch; [] where nothing.
+
+    A switch of another device under its own drive is no pair with it: one design may be softer on every switch because
+    its switches are damped. How V is judged has to be the same, too.
+    """
+    named = ["population"] if a.population_model != b.population_model else []
+    for section in ("model", "amplifier", "temperature"):
+        own, other = (asdict(getattr(c, section)) for c in (a, b))
+        named += [f"{section}.{key}" for key in own if own[key] != other[key] and (section, key) != ("model", "modes")]
+    if a.reduced_order_model != b.reduced_order_model:
+        named.append("model.modes")
+    judged = ("level", "closed_by_us")
+    return named + [f"objective.{key}" for key in judged if getattr(a.objective, key) != getattr(b.objective, key)]
+
+
+def not_compared(entries: Sequence[Entry]) -> list[str]:
+    """A sentence for each campaign on fresh switches that cannot be held against any before it, switch by switch."""
+    said = []
+    for k, entry in enumerate(entries[1:], start=1):
+        apart = [unlike(e.data.config, entry.data.config) for e in entries[:k]]
+        if entry.fresh is not None and all(apart):
+            said.append(
+                f"{entry.label} is not compared with {entries[0].label} switch by switch: they differ in "
+                f"{', '.join(apart[0])}"
+            )
+    return said
 
 
 def differing_settings(entries: Sequence[Entry]) -> list[tuple[str, list[str]]]:
@@ -121,6 +151,11 @@ def comparison_to_json(entries: Sequence[Entry]) -> dict[str, Any]:
     """For scripts."""
     return {
         "campaigns": [_entry_to_json(entry) for entry in entries],
+        "differences": [
+            {"label": label, "against": first, **difference.to_dict()}
+            for label, first, difference in differences(entries)
+        ],
+        "not_compared": not_compared(entries),
         "differing_settings": {
             key: dict(zip((entry.label for entry in entries), values, strict=True))
             for key, values in differing_settings(entries)
@@ -141,6 +176,7 @@ def _entry_to_json(entry: Entry) -> dict[str, Any]:
             "mean_cm_s": float(a.mean_cm_s),
             "p_nc": float(a.p_nc),
             "p_nc_wilson": list(a.p_nc_intervals.wilson),
+            "warning": a.open_warning,
             "n_switches": a.n,
             "certified": data.certification is not None,
             "fresh": entry.is_fair,

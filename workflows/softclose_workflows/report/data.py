@@ -145,9 +145,9 @@ class Candidates:
 
     @property
     def ranked(self) -> list[int]:
-        """All: the largest ensemble first, since scores on a small one are optimistic; then by g, without it last."""
-        g = self.columns["g_cm_s"]
-        return sorted(range(len(self)), key=lambda i: (math.isnan(g[i]), -int(self.n_switches[i]), g[i]))
+        """All: the largest ensemble first, since scores on a small one are optimistic; then by rank, without g last."""
+        rank = self.columns["rank_cm_s"]
+        return sorted(range(len(self)), key=lambda i: (math.isnan(rank[i]), -int(self.n_switches[i]), rank[i]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

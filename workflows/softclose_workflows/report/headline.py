@@ -48,7 +48,8 @@ def headline(data: ReportData) -> dict[str, Any]:
         "confidence": 100.0 * a.confidence,
         "said": [*([a.limit.sentence] if a.limit is not None else []), *_failed(a)],
         "warnings": [
-            *beaten_lines(a.g_cm_s, {d.name: d.assessment.g_cm_s for d in designs[1:]}),
+            *filter(None, [a.open_warning]),
+            *beaten_lines(a, {d.name: d.assessment for d in designs[1:]}),
             *missing_lines(data.judged_missing),
         ],
         "assumed": assumptions(data.config),

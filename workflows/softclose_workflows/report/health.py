@@ -70,7 +70,7 @@ def _progress(data: ReportData) -> Check | None:
     usable = np.flatnonzero(np.isfinite(g) & ~data.candidates.failed & (sizes == sizes.max()))
     if usable.size < 2 * LAST_PART:
         return None
-    best, _ = best_so_far(usable, g[usable], sizes[usable])
+    best, _ = best_so_far(usable, g[usable], data.candidates.columns["rank_cm_s"][usable], sizes[usable])
     gained = float(best[-1 - usable.size // LAST_PART] - best[-1])
     good = gained <= SMALL_GAIN_CM_S
     said = f"The last quarter of the candidates on the largest ensemble lowered g by {number(gained, 2)} cm/s"

@@ -48,7 +48,7 @@ class State:
     budget: int = 0
     failed: int = 0
     best: dict[str, Any] | None = None
-    """candidate, g_cm_s, v_u_cm_s, p_nc and n_switches of the best; None before there is one."""
+    """candidate, g_cm_s, v_u_cm_s, p_nc, n_switches and warning of the best; None before there is one."""
     history: tuple[list[int], list[float]] = field(default_factory=lambda: ([], []))
     """Candidates at which the best so far changes, and its g from there [cm/s]."""
     larger: tuple[tuple[int, int], ...] = ()
@@ -119,7 +119,7 @@ def _state(name: str, path: Path, holder: Holder | None) -> State:
     campaign = open_campaign(path)
     standing, records = standing_of(campaign, name), campaign.records()
     usable = np.flatnonzero(np.isfinite(records["g_cm_s"]) & ~records["failed"])
-    best, larger = best_so_far(usable, records["g_cm_s"][usable], records["n_switches"][usable])
+    best, larger = best_so_far(usable, *(records[name][usable] for name in ("g_cm_s", "rank_cm_s", "n_switches")))
     steps = changes(best)
     b = standing.best
     n_left = standing.budget - standing.committed
@@ -140,6 +140,7 @@ def _state(name: str, path: Path, holder: Holder | None) -> State:
             "p_nc": b.p_nc,
             "not_integrated": beside(n_failed_of(b), b.n_switches),
             "n_switches": b.n_switches,
+            "warning": standing.warning,
         },
         history=([int(i) for i in usable[steps]], [round(float(g), 4) for g in best[steps]]),
         larger=larger,

@@ -96,7 +96,7 @@ class Convergence:
     """Ends of the intervals; NaN where none hold."""
     upper_cm_s: FloatArray
     best_cm_s: FloatArray
-    """(n,) smallest g so far among the candidates of the same or a larger ensemble; a larger ensemble starts afresh."""
+    """(n,) g of the best so far among the candidates of the same or a larger ensemble; a larger one starts afresh."""
     ceiling_cm_s: float
     """Top of an axis that shows the progress; candidates above it are drawn at it."""
     failed: FloatArray
@@ -115,7 +115,7 @@ def convergence(data: ReportData) -> Convergence:
     c = data.candidates.columns
     usable = np.flatnonzero(np.isfinite(c["g_cm_s"]) & ~data.candidates.failed)
     g = c["g_cm_s"][usable]
-    best, larger = best_so_far(usable, g, data.candidates.n_switches[usable])
+    best, larger = best_so_far(usable, g, c["rank_cm_s"][usable], data.candidates.n_switches[usable])
     ceiling = 1.0
     if len(g):
         low = float(g.min())
@@ -139,22 +139,23 @@ def changes(values: FloatArray) -> NDArray[np.intp]:
 
 
 def best_so_far(
-    index: NDArray[np.intp], g: FloatArray, n_switches: NDArray[Any]
+    index: NDArray[np.intp], g: FloatArray, rank: FloatArray, n_switches: NDArray[Any]
 ) -> tuple[FloatArray, tuple[tuple[int, int], ...]]:
-    """(n,) smallest g so far among candidates of the same or a larger ensemble, and where a larger one begins.
+    """(n,) g of the best so far among candidates of the same or a larger ensemble, and where a larger one begins.
 
-    index, g, n_switches: (n,) candidates that have a g, in order. Also (candidate, switches) of each larger ensemble.
+    index, g, rank, n_switches: (n,) candidates that have a g, in order. Also (candidate, switches) of each larger
+    ensemble.
     """
-    best, lowest, largest = np.empty(len(g)), math.inf, 0
+    best, lowest, largest = np.empty(len(g)), (math.inf, math.inf), 0
     larger = []
     for place, n in enumerate(map(int, n_switches)):
         if n > largest:
             if largest:
                 larger.append((int(index[place]), n))
-            lowest, largest = math.inf, n
+            lowest, largest = (math.inf, math.inf), n
         if n == largest:
-            lowest = min(lowest, float(g[place]))
-        best[place] = lowest
+            lowest = min(lowest, (float(rank[place]), float(g[place])))
+        best[place] = lowest[1]
     return best, tuple(larger)
 
 

@@ -23,6 +23,7 @@ def render_sign(sheet: Sheet) -> str:
         "sign.html.j2",
         sheet=sheet,
         verdict=sheet.verdict,
+        warning=sheet.best.assessment.open_warning,
         lines=[_cells(line, a.level) for line in sheet.lines],
         candidate=best.candidate,
         n=count(sheet.certification.n_switches),

@@ -51,7 +51,7 @@ class Progress:
     stage: str
     """Stage of the oldest wave in flight."""
     best_g_cm_s: float
-    """Smallest g on the largest ensemble so far [cm/s]; inf before the first."""
+    """g of the best on the largest ensemble so far [cm/s]; inf before the first."""
     n_switches_done: int
     """Switches simulated by this process's run."""
     n_workers: int
@@ -91,7 +91,8 @@ class Driver:
     waves: tuple[Wave, ...] = field(init=False)
     _proposer: Proposer = field(init=False)
     _history: list[Observation] = field(init=False, default_factory=list)
-    _best: tuple[int, float] = field(init=False, default=(0, math.inf))
+    _best: tuple[int, float, float] = field(init=False, default=(0, math.inf, math.inf))
+    """Switches, rank and g of the best so far."""
     """Largest ensemble so far, and the smallest g on it: a small ensemble flatters its optimum."""
     _flights: dict[int, Flight] = field(init=False, default_factory=dict)
     _tries: Counter[tuple[str, Place]] = field(init=False, default_factory=Counter)
@@ -256,8 +257,8 @@ class Driver:
     def _observe(self, observations: Sequence[Observation]) -> None:
         self._history += observations
         for o in observations:
-            if o.usable and (o.n_switches, -o.g_cm_s) > (self._best[0], -self._best[1]):
-                self._best = (o.n_switches, o.g_cm_s)
+            if o.usable and (o.n_switches, -o.rank_cm_s) > (self._best[0], -self._best[1]):
+                self._best = (o.n_switches, o.rank_cm_s, o.g_cm_s)
 
     def _report(self) -> None:
         if self.listener is None:
@@ -271,7 +272,7 @@ class Driver:
                 simulated=len(self._history) + done,
                 budget=self.config.total_budget,
                 stage=self.waves[at].stage,
-                best_g_cm_s=self._best[1],
+                best_g_cm_s=self._best[2],
                 n_switches_done=self._n_switches_done,
                 n_workers=self.executor.n_workers,
                 n_retries=self.executor.n_retries,

@@ -45,6 +45,7 @@ def assessment_record(a: Assessment) -> dict[str, Any]:
         "failure": "",
         "g_cm_s": a.g_cm_s,
         "g_se_cm_s": a.g_se_cm_s,
+        "rank_cm_s": a.rank_cm_s,
         "v_u_cm_s": a.v_u_cm_s,
         "mean_cm_s": a.mean_cm_s,
         "max_cm_s": a.max_cm_s,
@@ -95,7 +96,7 @@ def observation(index: int, wave: int, record: Mapping[str, Any]) -> Observation
     )
 
 
-OBSERVED = ("g_cm_s", "g_se_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact", "closing_us")
+OBSERVED = ("g_cm_s", "g_se_cm_s", "rank_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc", "p_contact", "closing_us")
 
 
 def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from softclose.metrics.intervals import proportion
 from softclose.metrics.limit import Limit, limit_on
+from softclose.metrics.ranking import open_warning
 from softclose.propose.origins import FALLBACK
 from softclose_store import Best, Campaign, open_campaign
 from softclose_workflows.tell.plain import finite, waveform_rows
@@ -38,6 +39,8 @@ class Standing:
     """The best committed candidate; None before the first usable one."""
     limit: Limit | None = None
     """What its ensemble says of the limit on p_nc; None in the penalty form."""
+    warning: str = ""
+    """Where the best candidate leaves more than objective.warn_open of the switches open."""
 
     @property
     def finished(self) -> bool:
@@ -56,6 +59,7 @@ class Standing:
             "fallbacks": self.fallbacks,
             "reason": self.reason,
             "best": None if self.best is None else best_to_json(self.best),
+            "warning": self.warning,
             "limit": None if self.limit is None else asdict(self.limit),
         }
 
@@ -97,7 +101,14 @@ def standing_of(campaign: Campaign, store: str) -> Standing:
         reason=str(reasons[0]) if reasons else "",
         best=best,
         limit=None if best is None else _limit(campaign.config, best, records),
+        warning="" if best is None else stored_open_warning(campaign.config, best.p_nc),
     )
+
+
+def stored_open_warning(config: Mapping[str, Any], p_nc: float) -> str:
+    """The warning of a candidate of a store, from the configuration that it keeps; "" where none is due."""
+    objective = config["objective"]
+    return open_warning(p_nc, max_open=objective["max_open"], warn_open=objective["warn_open"])
 
 
 def _limit(config: Mapping[str, Any], best: Best, records: Mapping[str, NDArray[Any]]) -> Limit | None:

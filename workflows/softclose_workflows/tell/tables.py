@@ -143,6 +143,8 @@ def print_standing(standing: Standing) -> None:
         f"mean V {_known(best.mean_cm_s)} cm/s, p_nc {best.p_nc:.4f} on {best.n_switches} switches"
         + beside(n_failed_of(best), best.n_switches)
     )
+    if standing.warning:
+        console.print(standing.warning)
     if standing.limit is not None:
         console.print(standing.limit.sentence)
     console.print(describe_waveform(waveform_rows(best.waveform)))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softclose_store import Campaign, lock_holder, open_campaign
+from softclose_workflows.tell.standing import stored_open_warning
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -92,7 +93,11 @@ def _best(campaign: Campaign) -> str:
     if best is None:
         return "none yet"
     lower, upper = float(best.record["g_lower_cm_s"]), float(best.record["g_upper_cm_s"])
-    return f"{with_interval(best.g_cm_s, lower, upper)} cm/s, candidate {best.candidate}"
+    return f"{with_interval(best.g_cm_s, lower, upper)} cm/s, candidate {best.candidate}{_open(campaign, best.p_nc)}"
+
+
+def _open(campaign: Campaign, p_nc: float) -> str:
+    return f", WARNING: {p_nc:.1%} open" if stored_open_warning(campaign.config, p_nc) else ""
 
 
 def one_line(view: View) -> str:
