@@ -1,4 +1,4 @@
-"""Draws the picture of the README: the plain step and the best waveform of a store, on the same fresh switches.
+"""Draws the picture of the README: the plain step and the best waveform of a store, on the same new switches.
 
 python docs/picture.py runs/current-three.zarr -o docs/_static/softclose.png
 """
@@ -17,7 +17,7 @@ from softclose_store import open_campaign
 
 INK, STEP, SOFT, CONTACT = "#222222", "#b5651d", "#1f6f8b", "#888888"
 FRESH_STREAM = 1
-"""Random stream of fresh switches, as `softclose certify` uses it: no seed makes them the training ensemble again."""
+"""Random stream of new switches, as `softclose certify` uses it: no seed makes them the training ensemble again."""
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("store")

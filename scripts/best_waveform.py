@@ -27,14 +27,20 @@ def voltage(rows, t):
     return u
 
 
-campaign = open_campaign(options.store)
+try:
+    campaign = open_campaign(options.store)
+except ValueError as e:  # no store there, or a damaged one
+    parser.error(str(e))
+if campaign.best() is None:
+    parser.error(f"{options.store} has no usable candidate yet")
 best = campaign.best()
 paths = campaign.trajectories(best.candidate)
 t, x = paths.times_us, paths.x[: options.switches]
+fine = np.linspace(0.0, t[-1], 20_001)  # the drive has peaks and dips between two samples of the motion
 distance = x - campaign.population()["D"][: len(x), None]  # 0: in contact
 
 figure, axes = plt.subplots(3, 1, figsize=(8, 8), sharex=True, layout="constrained")
-axes[0].plot(t, voltage(best.waveform, t), color="black")
+axes[0].plot(fine, voltage(best.waveform, fine), color="black")
 axes[0].set_ylabel("drive [V]")
 axes[1].plot(t, distance.T, color="tab:blue", alpha=0.15, linewidth=0.6)
 axes[1].axhline(0.0, color="tab:red", linewidth=0.8)
@@ -43,7 +49,7 @@ axes[2].plot(t, 100 * paths.v[: options.switches].T, color="tab:blue", alpha=0.1
 axes[2].set_ylabel("velocity [cm/s]")
 axes[2].set_xlabel("time [µs]")
 axes[0].set_title(
-    f"candidate {best.candidate}: v_u {best.v_u_cm_s:.1f} cm/s, mean {best.mean_cm_s:.1f} cm/s, p_nc {best.p_nc:.3f}"
+    f"candidate {best.candidate}: v_u {best.v_u_cm_s:.1f} cm/s, {100 * best.p_nc:.1f} % of the switches left open"
 )
 figure.savefig(options.output, dpi=150)
 print(options.output)

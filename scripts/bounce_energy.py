@@ -16,9 +16,13 @@ from softclose_store import open_campaign
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("store")
 parser.add_argument("-n", type=int, default=5, help="rows to print")
+parser.add_argument("--most-open", type=float, default=0.1, help="largest share left open that is ranked")
 options = parser.parse_args()
 
-campaign = open_campaign(options.store)
+try:
+    campaign = open_campaign(options.store)
+except ValueError as e:  # no store there, or a damaged one
+    parser.error(str(e))
 restitution = campaign.config["model"]["restitution"]
 mass = campaign.population()["M"]  # µg; with v in µm/µs = m/s, M v² is in nJ
 rows = []
@@ -37,6 +41,9 @@ for i in range(campaign.committed):
     )
 
 table = pd.DataFrame(rows).set_index("candidate").join(campaign.history()[["g_cm_s", "v_u_cm_s"]])
-table["rank_by_g"] = table["g_cm_s"].rank().astype(int)
+table["rank_by_g"] = table["g_cm_s"].rank()
 print("90 % quantile of the energy left in the contact, over the switches that close")
+table = table[table["p_nc"] <= options.most_open]  # what leaves the lot open spares its contacts, and is no result
+if table.empty:
+    parser.error(f"every candidate leaves more than {options.most_open:g} open: raise --most-open")
 print(table.sort_values("energy_90_nJ").head(options.n).round(4).to_string())

@@ -17,7 +17,10 @@ options = parser.parse_args()
 
 figure, axis = plt.subplots(figsize=(8, 5), layout="constrained")
 for path in options.stores:
-    campaign = open_campaign(path)
+    try:
+        campaign = open_campaign(path)
+    except ValueError as e:  # no store there, or a damaged one
+        parser.error(str(e))
     history = campaign.history()
     # Values from ensembles of different sizes do not compare: one line for each size.
     for n_switches, part in history.groupby("n_switches"):

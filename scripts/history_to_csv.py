@@ -14,5 +14,8 @@ parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.R
 parser.add_argument("stores", nargs="+")
 options = parser.parse_args()
 
-tables = [open_campaign(path).history().assign(store=path).reset_index() for path in options.stores]
+try:
+    tables = [open_campaign(path).history().assign(store=path).reset_index() for path in options.stores]
+except ValueError as e:  # no store there, or a damaged one
+    parser.error(str(e))
 pd.concat(tables).set_index(["store", "candidate"]).to_csv(sys.stdout, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""List the switches that slam hardest under the best waveform, and how unusual each is.
+"""List the switches that hit hardest under the best waveform, and how unusual each is.
 
 python scripts/worst_switches.py runs/current.zarr -n 10
 """
@@ -15,13 +15,20 @@ parser.add_argument("-n", type=int, default=10)
 parser.add_argument("--candidate", type=int, help="[the best]")
 options = parser.parse_args()
 
-campaign = open_campaign(options.store)
+try:
+    campaign = open_campaign(options.store)
+except ValueError as e:  # no store there, or a damaged one
+    parser.error(str(e))
+if campaign.best() is None:
+    parser.error(f"{options.store} has no usable candidate yet")
 candidate = campaign.best().candidate if options.candidate is None else options.candidate
 responses = campaign.responses(candidate)
 n = len(responses.closed)
 
 table = pd.DataFrame({name: values[:n] for name, values in campaign.population().items()})
-scores = (table - table.mean()) / table.std()  # in standard deviations of the ensemble
+spread = table.std()
+varying = spread.index[spread > 0]  # where no drive is scaled, its scales are 1 for all
+scores = (table[varying] - table[varying].mean()) / spread[varying]  # in standard deviations of the ensemble
 table["V_cm_s"] = 100 * responses.max_contact_speed
 table["first_contact_us"] = responses.first_contact_us
 table["n_impacts"] = responses.n_impacts

@@ -36,9 +36,9 @@ AT_REST = 1e-6
 AT_REST_SOFT = 1e-3
 """Speed [µm/µs] up to which it is in a compliant one, whose last ringing fades without end: 0.1 cm/s."""
 LOOKS = 800
-"""Looks at a motion while it is watched."""
+"""Sampling instants after release."""
 GENERATION = 12
-"""Brakes that CMA-ES tries between two changes of its mind."""
+"""CMA-ES population size of the brake's search."""
 LEAST_HELD = 10
 """Switches that have to be held when the fall begins, for a lot to be judged."""
 REBOUND_COST = 1.0

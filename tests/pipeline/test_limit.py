@@ -32,7 +32,7 @@ def test_the_interval_decides(n_open: int, n: int, verdict: str) -> None:
     assert a.limit is not None
     assert a.limit.verdict == verdict
     assert a.feasible == (verdict == "met")
-    assert a.limit.sentence.startswith(f"p_nc ≤ 0.01 is {verdict}: {n_open} of {n} open")
+    assert a.limit.sentence.startswith(f"at most 1 % left open is {verdict}: {n_open} of {n} open")
 
 
 def test_a_limit_is_hardly_ever_met_by_a_lot_that_breaks_it() -> None:

@@ -47,7 +47,7 @@ def test_a_certificate_has_the_commands_numbers(store: str) -> None:
     assert frame["g [cm/s]"].tolist()[0] == told["candidates"][0]["g_cm_s"]
     assert frame["design"].tolist()[:2] == [f"candidate {d['candidate']}" for d in told["candidates"]]
     assert found.value.n_switches == 300
-    assert repr(found).startswith(f"{store} on 300 fresh switches\ndesign ")
+    assert repr(found).startswith(f"{store} on 300 new switches\ndesign ")
 
 
 def test_rescoring_tolerance_and_sensitivity_have_the_commands_numbers(store: str) -> None:

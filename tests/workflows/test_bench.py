@@ -144,7 +144,7 @@ def test_a_certificate_is_measured_on_other_devices_and_counts_as_any(tmp_path: 
         assert best is not None
         drive = Waveform.from_rows(best.waveform)
         found = bench.certify(*measure(drive, FRESH))
-        with pytest.raises(CertifyError, match="10 fresh switches certify nothing here"):
+        with pytest.raises(CertifyError, match="10 new switches certify nothing here"):
             bench.certify(*measure(drive, FRESH[:10]))
     assert found.best.candidate == best.candidate
     assert found.best.assessment == assess(untimed(simulate(FRESH, drive)))

@@ -244,7 +244,7 @@ def test_command_prints_one_json_object(store: str) -> None:
 
 
 def test_bad_requests_are_refused(store: str, tmp_path: Path) -> None:
-    with pytest.raises(CertifyError, match=r"79 fresh switches certify nothing here: at least 80 are needed"):
+    with pytest.raises(CertifyError, match=r"79 new switches certify nothing here: at least 80 are needed"):
         certify(store, n_switches=79)
     one = CliRunner().invoke(main, ["certify", store, "--switches", "1"])
     assert one.exit_code == 2

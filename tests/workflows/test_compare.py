@@ -71,7 +71,7 @@ def test_page_warns_where_a_certified_campaign_stands_beside_an_uncertified_one(
     entries = read_entries([str(finished_store), copy])
     page = render_comparison(entries)
     assert "Not all are certified" in page
-    assert "2,000 fresh switches" in page
+    assert "2,000 new switches" in page
     assert "default-src 'none'" in page
 
 
@@ -113,13 +113,13 @@ def test_on_fresh_switches_all_are_judged_alike_and_differences_are_paired(
         expected = evaluate(config, switches, Waveform.from_rows(best.waveform), fresh=True)
         assert entry.design is not None
         assert entry.design.assessment == expected
-        assert entry.basis == "500 fresh switches"
+        assert entry.basis == "500 new switches"
     ((label, first, difference),) = differences([a, b])
     assert (label, first) == (b.label, a.label)
     assert difference.v_u_cm_s == pytest.approx(b.design.assessment.v_u_cm_s - a.design.assessment.v_u_cm_s)
     told = CliRunner().invoke(main, ["compare", str(finished_store), str(another_store), "--fresh", "500"])
     assert f"{b.label} against {a.label}: v_u " in told.output.replace("\n", " ")
-    assert "All on fresh switches" in render_comparison([a, b])
+    assert "All on new switches" in render_comparison([a, b])
     assert differences(read_entries([str(finished_store), str(another_store)])) == []
 
 

@@ -166,10 +166,10 @@ def test_the_report_has_both(certified: str) -> None:
     assert certificate is not None
     assert certificate.openings is not None
     assert data.openings is not None
-    assert data.openings.plain.n == certificate.openings.plain.n > 60, "the fresh switches', not the training ones'"
+    assert data.openings.plain.n == certificate.openings.plain.n > 60, "the new switches', not the training ones'"
     page = render_report(data)
     assert 'id="opening"' in page
-    assert "fresh switches that were held then" in page
+    assert "new switches that were still closed then" in page
     assert 'data-figure="opening"' in page
     assert 'data-figure="plainer"' in page, "the switches have losses"
 

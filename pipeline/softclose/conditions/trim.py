@@ -80,8 +80,9 @@ class Trim:
 
     a is the pull-in voltage, over the mean switch's, that is to be expected of a switch of this lot with these measured
     values; b is the mean switch's frequency over the one to be expected: linear regressions of the logarithms on the
-    measured ones, errors of measurement included. So what is known badly is followed less, and what is not measured as
-    far as it goes with what is: in the paper's lot, pull-in voltage and resonance are correlated to 0.97.
+    measured ones, errors of measurement included. So noisy measurements are shrunk towards the mean
+    switch, and what is not measured is followed as far as it correlates with what is: in the paper's lot, pull-in
+    voltage and resonance are correlated to 0.97.
     With n bins a measured value counts as the median of its bin, of n that are equally likely.
     """
 

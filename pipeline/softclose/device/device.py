@@ -189,7 +189,7 @@ def joined(parts: Sequence[Responses]) -> Responses:
 
 
 def worse(a: Responses, b: Responses) -> Responses:
-    """Of each switch the response with the larger V, held only where both are and from the later instant on.
+    """Of each switch the response with the larger V, closed only if closed in both; the settling time is the later one.
 
     What else is told of a switch (impacts, motion) is that of the response with the larger V; of equals the first.
     """

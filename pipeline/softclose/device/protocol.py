@@ -22,11 +22,11 @@ if TYPE_CHECKING:  # the compiler takes half a second to import, and reading a c
 
 
 class CannotSimulate(RuntimeError):
-    """A device model's own word that it has no answer to this waveform: the candidate is recorded as failed."""
+    """A deterministic failure of the device model for this waveform: the candidate is recorded as failed."""
 
 
 def is_own_word(failure: BaseException) -> bool:
-    """Whether a failure is the device model's own word on the waveform, which would be raised anywhere.
+    """Whether a failure is deterministic, so that it would occur on any machine: the candidate is recorded as failed.
 
     CannotSimulate, an ArithmeticError, or an error of this package's about what it was given. Everything else is the
     machine's fault: a model of the user's that raises ValueError("license server not reached") says nothing of the

@@ -178,7 +178,7 @@ def simulate(
     max_volts : float
         Waveforms above it [V] are refused.
     v_stick : float
-        Rebound speed [µm/µs] below which a pressed switch is held (SPEC §2).
+        Rebound speed [µm/µs] below which a pressed switch is held.
     max_steps : int
         Work limit per switch.
     losses : Losses, optional

@@ -57,7 +57,7 @@ class Scales:
 
 
 def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
-    """(n, 4) travel D, gap G [µm], c [µm³/(µs² V²)] and k [1/µs²] of Eq. 1 per mass (SPEC §1)."""
+    """(n, 4) travel D, gap G [µm], c [µm³/(µs² V²)] and k [1/µs²] of Eq. 1 per mass."""
     out = np.empty((len(switches), 4))
     out[:, :2] = switches[:, :2]
     out[:, 2] = EPSILON_0 * 1e6 * plate_area_um2 / (2000.0 * switches[:, 3])

@@ -1,4 +1,4 @@
-"""Owns the release from contact: when a voltage first is below what holds a switch closed (SPEC §2)."""
+"""Owns the release from contact: when a voltage first is below what holds a switch closed."""
 
 from __future__ import annotations
 

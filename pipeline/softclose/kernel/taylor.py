@@ -1,7 +1,7 @@
 """Owns the fast kernel: a Taylor series, contacts marched on the polynomial, bounces in closed form.
 
 `rk.py` is its readable twin. The stepping never depends on which outputs are wanted, so that V and the rest are the
-same bits with and without them: samples and impacts are read off what is computed anyway.
+same results, bit for bit, with and without them: samples and impacts are read off what is computed anyway.
 """
 
 from __future__ import annotations
@@ -266,7 +266,7 @@ def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., Non
         form: of the drive. `DECAYING`: pieces, n_ramps and ramps are the command, and path, scales (1 or n, 3) and the
         out_ arrays what `deliver_flat` takes; one row of scales is for all.
         Samples go to x64 and v64, or to x32 and v32 where those have no columns: one compiled variant for both, so the
-        metrics are the same bits whichever is asked for.
+        metrics are bit-identical whichever is asked for.
         """
         if source < 0:  # never: closes over the fingerprint, see source.py
             return

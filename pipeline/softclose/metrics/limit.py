@@ -33,11 +33,12 @@ class Limit:
 
     @property
     def sentence(self) -> str:
-        """`p_nc ≤ 0.01 is not established: 0 of 200 open, up to 0.0183 at 95 % confidence; …`."""
+        """`at most 1 % left open is not established: 0 of 200 open, up to 1.83 % at 95 % confidence; …`."""
         said = {"met": "is met", "exceeded": "is exceeded", "not established": "is not established"}[self.verdict]
+        text = f"at most {100.0 * self.p_max:g} % left open"
         if math.isnan(self.upper):
-            return f"p_nc ≤ {self.p_max:g} {said}: the switches are quasi-random, no interval holds; certify"
-        text = f"p_nc ≤ {self.p_max:g} {said}: {self.count:,} of {self.n:,} open, up to {self.upper:.4f} at "
+            return f"{text} {said}: the switches are quasi-random, no interval holds; certify"
+        text += f" {said}: {self.count:,} of {self.n:,} open, up to {100.0 * self.upper:.2f} % at "
         text += f"{100.0 * self.confidence:g} % confidence"
         if self.verdict == "not established":
             least = least_for_limit(self.p_max, self.confidence)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 def pareto_front(values: ArrayLike) -> NDArray[np.intp]:
     """Positions of the candidates that no other beats in all objectives, by rising last objective, then the others.
 
-    Compare only candidates assessed on the same ensemble: a smaller one flatters (SPEC §7).
+    Compare only candidates assessed on the same ensemble: scores on fewer switches are more optimistic.
 
     Parameters
     ----------

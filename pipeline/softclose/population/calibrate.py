@@ -124,7 +124,7 @@ def calibrate(
     confidence: float = 0.95,
     seed: int = 0,
 ) -> Calibration:
-    """Fit the population of SPEC §4 to measurements.
+    """Fit the population from Eqs. 3-6 and the published ranges to measurements.
 
     bounds: (lower, upper) of any of D, G, E, T known from the process (µm, GPa); the others are estimated, see
     `softclose.population.fit`. Same seed, same intervals. Raises MeasurementError.
@@ -239,7 +239,7 @@ def plausible_populations(
 def _fitted(marginal: Marginal, variable: str) -> Bounded:
     if not isinstance(marginal, Bounded):
         raise PopulationError(
-            f"{variable} is no Beta and not uniform; what a few devices leave open is known of fitted variables "
+            f"{variable} is no Beta and not uniform; the uncertainty from few devices is known of fitted variables "
             "(softclose calibrate)"
         )
     return marginal
@@ -251,7 +251,7 @@ def write_calibration(calibration: Calibration, path: str | Path) -> None:
         calibration.population.description,
         f"{'E' if calibration.population.E else 'K and M'} of each device with a plate area of "
         f"{calibration.population.plate_area():g} µm²; campaigns with this population use that area",
-        f"fitted number: value [{calibration.confidence:.0%} interval]",
+        f"fitted number: value [{100.0 * calibration.confidence:g} % interval]",
     ]
     for v, f in calibration.fits.items():
         lines.append(f"{v} [{UNITS[v]}], {KINDS[v]}; Cramér-von Mises {f.statistic:.4f}, p = {f.p_value:.3f}")

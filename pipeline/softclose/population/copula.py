@@ -61,7 +61,7 @@ def joined(p: FloatArray, correlation: Sequence[Correlation], variables: Sequenc
     z = ndtri(np.clip(p, 1e-15, 1.0 - 1e-15))
     out = np.empty_like(p)
     for i in range(p.shape[1]):
-        # Column by column, not by matrix: the same bits for one row as for many.
+        # Column by column, not by matrix: bit-identical for one row and for many.
         total = factor[i, 0] * z[:, 0]
         for j in range(1, i + 1):
             total = total + factor[i, j] * z[:, j]

@@ -261,7 +261,7 @@ def _value(node: ast.expr, values: Mapping[str, FloatArray]) -> Any:
 
 
 def _power(base: Any, exponent: float) -> Any:
-    """base**exponent; multiplied out, as numexpr did, for whole and half exponents to 50: faster, and the same bits."""
+    """base**exponent; multiplied out, as numexpr did, for whole and half exponents to 50: faster, and bit-identical."""
     if 2.0 * exponent != round(2.0 * exponent) or abs(exponent) > 50.0:
         return np.power(base, exponent)
     result, square, whole = None, base, int(abs(exponent))

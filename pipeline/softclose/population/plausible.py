@@ -28,7 +28,7 @@ Kind = Literal["beta", "uniform"]
 Estimator = Callable[[FloatArray, Kind, tuple[float, float] | None], Bounded]
 
 SHAPE_SUM = 4.0
-"""alpha + beta of a Beta whose bounds are unknown too (SPEC §4): 50 devices cannot tell four free numbers apart."""
+"""alpha + beta of a Beta whose bounds are unknown too: 50 devices cannot tell four free numbers apart."""
 _TRIED = 2
 """Lots tried for each that is kept, where the shape is fitted."""
 _AT_THE_ENDS = 0.25

@@ -35,7 +35,7 @@ _MAX_SOBOL = 2**30  # scipy's generator has 30 bits
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Population:
-    """Joint distribution of the parameters of a switch (SPEC §4)."""
+    """Joint distribution of the parameters of a switch."""
 
     name: str
     """What reports call it."""

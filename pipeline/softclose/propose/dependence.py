@@ -46,7 +46,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dependence:
-    """What the Gaussian process believes about g, d parameters of the search space."""
+    """What the Gaussian process predicts of g, d parameters of the search space."""
 
     names: tuple[str, ...]
     """Names of the parameters, as in the search space."""

@@ -1,6 +1,6 @@
 """Owns the finishing stage: the best distinct basins again on a larger ensemble, then polished there.
 
-What looked best on the search's ensemble flatters itself (by 0.5-1.1 cm/s at N = 200), so ranking starts again here:
+The training score of the best is optimistic (by 0.5-1.1 cm/s at N = 200), so ranking starts again here:
 one wave, all basins. Then the best few are polished at once, the better half of them to the end (ADR 032, 037).
 """
 

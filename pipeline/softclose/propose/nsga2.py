@@ -2,7 +2,7 @@
 
 pymoo's operators: survival by rank and crowding, binary tournaments, simulated binary crossover and polynomial mutation
 (Deb et al. 2002). Parents are the survivors of all candidates so far, so that a generation is a function of the records
-alone and a killed campaign goes on with the same bits.
+alone and a killed campaign goes on bit-identically.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Owns the paper's own procedure (SPEC §6): widen pulse 1, a grid over the hold, then Nelder-Mead on four parameters.
+"""Owns the paper's own procedure: widen pulse 1, a grid over the hold, then Nelder-Mead on four parameters.
 
 Every step is a candidate. Pulse 1 alone is widened by bisection until about 5 % of the switches touch; then 4 × 3 × 3
 values of (ts2, tr2, u2); then the simplex from the best of them. Only for the space two-pulse-paper.

@@ -2,7 +2,7 @@
 
 A wave is proposed together. Its candidates are a pure function of (configuration, wave, the records of the waves that
 it sees, the waveforms of those between): no engine keeps state between calls but as a cache that may be dropped, so
-any process gives the same answer (DESIGN §2).
+any process gives the same answer.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Proposal:
     n_switches: int
     """Switches to evaluate it on: those of its wave."""
     surrogate: dict[str, float] = field(default_factory=dict)
-    """What the surrogate believed (prediction, length scales, noise, trust region); {} for engines without one."""
+    """What the surrogate predicted (prediction, length scales, noise, trust region); {} for engines without one."""
     note: str = ""
     """Why something unusual was done, e.g. a fallback; empty as a rule."""
 
@@ -181,7 +181,7 @@ class Engine(Protocol):
     def propose(
         self, problem: Problem, index: int, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> Proposal:
-        """The next candidate. Pure: the same arguments give the same bits.
+        """The next candidate. Pure: the same arguments give bit-identical results.
 
         Parameters
         ----------

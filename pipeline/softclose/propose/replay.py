@@ -1,7 +1,7 @@
 """Owns the replay of sequential methods: a library's routine runs against the records until it asks for what is not
 there.
 
-Nothing of a routine is kept between proposals; running it again over the recorded answers costs little (DESIGN §2).
+Nothing of a routine is kept between proposals; running it again over the recorded answers costs little.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def compare_engines(config: CampaignConfig, engines: Sequence[str], seeds: Seque
 
 
 def best_so_far(history: Sequence[Observation]) -> list[Observation | None]:
-    """The best after each candidate, among those on the largest ensemble so far: a small one flatters its optimum."""
+    """The best after each candidate, among those on the largest ensemble so far (scores on few are optimistic)."""
     best: Observation | None = None
     found = []
     for o in history:

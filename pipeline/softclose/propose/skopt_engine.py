@@ -3,7 +3,7 @@
 Composed from `skopt.learning` and `skopt.acquisition` rather than `skopt.Optimizer`, whose state lives across calls,
 whose `tell` refuses points outside its space, and whose `space_constraint` turns the acquisition search into plain
 sampling. Method: a design where the lot may land, then Matérn-5/2 with one length scale per input plus white noise and
-expected improvement in a trust region around the incumbent;
+expected improvement in a trust region around the best candidate;
 see ADR 031 and 034 to 036 for what was measured.
 """
 

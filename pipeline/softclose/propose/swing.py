@@ -105,7 +105,7 @@ def free_swing(rows: FloatArray, lot: FewSwitches, *, instant_us: FloatArray) ->
 
 @cached_njit(nogil=True, error_model="numpy")
 def _swing(rows, instant, lot, farthest, reach, state):  # type: ignore[no-untyped-def]
-    """Fills reach (n, m) and state (n, m, 2). Self-contained: compiled and cached code give the same bits."""
+    """Fills reach (n, m) and state (n, m, 2). Self-contained: compiled and cached code give bit-identical results."""
     n_finite = rows.shape[1] - 1
     shortest_period = 2.0 * math.pi / math.sqrt(lot[:, 3].max())
     for i in range(rows.shape[0]):

@@ -1,4 +1,4 @@
-"""Owns the trust region: a box around the incumbent whose size is replayed from the recorded candidates alone.
+"""Owns the trust region: a box around the best candidate whose size is replayed from the recorded candidates alone.
 
 After TuRBO (Eriksson et al. 2019): doubled after a run of successes, halved after a run of failures, restarted when
 it has shrunk to nothing. Nothing is remembered between proposals: `replay` reads the records and their origins.

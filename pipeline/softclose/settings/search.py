@@ -42,7 +42,7 @@ class OptimiserSection:
     fit_iterations: Count = 20
     """L-BFGS iterations of the surrogate's likelihood, from a fixed start."""
     n_fit: Annotated[int, Field(ge=16, le=MAX_COUNT, strict=True)] = 100
-    """Points nearest to the incumbent from which the hyperparameters are fitted; the surrogate uses all points."""
+    """Points nearest to the best candidate from which the hyperparameters are fitted; the surrogate uses all points."""
     length_initial: Positive = 0.4
     """Width of the trust region at the start, in units of the search cube."""
     length_min: Positive = 0.03

@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 EPSILON_0 = 8.8541878128e-12
 """Permittivity of the gap [F/m]."""
 PLATE_AREA_UM2 = 16700.0
-"""Default plate area a [µm²]: the value at which a 100 V step gives the published mean V (SPEC §4)."""
+"""Default plate area a [µm²]: the value at which a 100 V step gives the published mean V."""
 
 
 class Switches(np.ndarray[tuple[int, int], np.dtype[np.float64]]):
@@ -145,7 +145,7 @@ def stiffness_from_pull_in(volts: ArrayLike, gap_um: ArrayLike, plate_area_um2: 
 
 
 def holding_voltage(switches: ArrayLike, plate_area_um2: float | None = None) -> FloatArray:
-    """Smallest voltage that holds a closed switch [V]: c (u/(G-D))² = k D (SPEC §2).
+    """Smallest voltage that holds a closed switch [V]: c (u/(G-D))² = k D.
 
     switches: (..., 4) columns D, G [µm], K [N/m], M [µg]; returns shape (...). Independent of the mass.
     """

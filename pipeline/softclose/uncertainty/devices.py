@@ -1,8 +1,8 @@
 """Owns how sure a waveform's figures are where the lot is known from a few measured devices only.
 
 The waveform is judged on every lot that the devices may have come from (`softclose.population.plausible`). What the
-figures vary by is what the devices leave open. All lots are judged on the same uniforms, so that the luck of an
-ensemble is not in it.
+figures vary by is the uncertainty that comes from having measured few devices. All lots are judged on the same
+uniforms, so that the luck of an ensemble is not in it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class DevicesError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagated:
-    """A waveform's figures with what the measured devices leave open."""
+    """A waveform's figures, with the uncertainty from having measured few devices."""
 
     n_devices: int
     """Devices that the lot was fitted to."""

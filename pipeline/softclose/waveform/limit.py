@@ -1,7 +1,7 @@
 """Owns the limit on the sum of the pulses, compiled: the largest sum of a waveform, and delays that keep it admissible.
 
 A search maps thousands of points to admissible waveforms: 1.5 ms each in plain Python, 0.02 ms here. Each entry point
-is one piece of machine code, its parts put in before compilation: compiled and cached code give the same bits.
+is one piece of machine code, its parts put in before compilation: compiled and cached code give bit-identical results.
 """
 
 from __future__ import annotations

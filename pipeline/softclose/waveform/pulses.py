@@ -23,7 +23,7 @@ LEAST_RISE_US = 0.05
 """Fastest rise of a pulse [µs]; what is faster is an ideal step."""
 
 MAX_VOLTS = 150.0
-"""Default limit on the sum of all pulses at any instant [V] (SPEC §3)."""
+"""Default limit on the sum of all pulses at any instant [V]."""
 
 
 class WaveformError(ValueError):

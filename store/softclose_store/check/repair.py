@@ -1,7 +1,7 @@
 """Owns repair: damaged files are written again from what produces them, and proved equal to what was there.
 
 What can be computed again: the root (from its copy and everything that remains), array metadata and population (from
-the configuration), blocks, proposals and records (pure functions, DESIGN §2), derived groups. Timings are lost. What
+the configuration), blocks, proposals and records (pure functions), derived groups. Timings are lost. What
 does not belong to the store is moved out of it. The science comes in as callbacks: this package knows none.
 """
 

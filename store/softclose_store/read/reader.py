@@ -184,7 +184,7 @@ class Campaign:
         """Every value of the committed candidates, by name, (committed, …) each.
 
         waveform is (committed, n_pulses, 4) with rows of NaN for absent pulses, p_exceed and its intervals
-        (committed, n_limits); what the surrogate believed is called `surrogate.<name>`, NaN where it did not say.
+        (committed, n_limits); what the surrogate predicted is called `surrogate.<name>`, NaN where it did not say.
         """
         if not self._records:
             self._records = self._table().columns(self.committed, self._root.attributes["hyperparameters"])
@@ -223,7 +223,7 @@ class Campaign:
     def best(self, n_switches: int | None = None, *, stage: str | None = None) -> Best | None:
         """The candidate of smallest g; of several, the first.
 
-        Values of g from ensembles of different sizes do not compare (small ones flatter their optimum).
+        Values of g from ensembles of different sizes do not compare (training scores on few switches are optimistic).
 
         Parameters
         ----------

@@ -166,7 +166,7 @@ IMPACT_QUANTITIES: tuple[Field, ...] = (
 """Coordinate `impact_quantity` of `impact`, in this order."""
 
 SURROGATE_PREFIX = "surrogate."
-"""Columns of `records()` and `history()` that say what a proposal's surrogate believed begin with this."""
+"""Columns of `records()` and `history()` that say what a proposal's surrogate predicted begin with this."""
 
 
 def number_fields(n_pulses: int, limits_cm_s: Sequence[float]) -> tuple[Field, ...]:

@@ -1,4 +1,4 @@
-"""Owns what a lot does under a drive that was recorded: on fresh switches, beside a campaign's best waveform."""
+"""Owns what a lot does under a drive that was recorded: on new switches, beside a campaign's best waveform."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FOLDER = "traces"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AssessedTrace:
-    """A recorded drive on fresh switches."""
+    """A recorded drive on new switches."""
 
     trace: Trace
     """What was applied."""
@@ -34,7 +34,7 @@ class AssessedTrace:
     assessment: Assessment
     """The campaign's objective of them."""
     seed: int
-    """Seed of the fresh switches: those of a certificate of this seed."""
+    """Seed of the new switches: those of a certificate of this seed."""
     best: Chosen | None
     """The campaign's best waveform; None where there is no campaign."""
     best_assessment: Assessment | None
@@ -71,7 +71,7 @@ def assess_trace(
     max_volts: float | None = None,
     scaled: bool = False,
 ) -> AssessedTrace:
-    """Assess a drive on fresh switches of a lot.
+    """Assess a drive on new switches of a lot.
 
     source: a store, whose best waveform runs on the same switches; or a preset or TOML file, for its lot and objective.
     Every switch gets the drive as it is, also where the campaign trims. max_volts: the highest voltage that the drive

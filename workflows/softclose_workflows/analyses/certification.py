@@ -1,4 +1,4 @@
-"""Owns what a certification is: designs on fresh switches beside what the campaign believed of them."""
+"""Owns what a certification is: designs on new switches beside the campaign's own scores of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CertifyError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Training:
-    """What the campaign believed of a candidate."""
+    """The campaign's own scores of a candidate."""
 
     g_cm_s: float
     """Objective on the training ensemble [cm/s]."""
@@ -35,7 +35,7 @@ class Training:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certified:
-    """One waveform on the fresh switches."""
+    """One waveform on the new switches."""
 
     name: str
     """`candidate 17`, `unshaped`, `deterministic`, …"""
@@ -44,15 +44,15 @@ class Certified:
     waveform: Waveform
     """What was applied."""
     response: Judged
-    """V, closed and status of every fresh switch."""
+    """V, closed and status of every new switch."""
     assessment: Assessment
     """Eqs. 7-11 on them."""
     training: Training | None
-    """What the campaign believed; None for a reference design."""
+    """The campaign's own scores; None for a reference design."""
 
     @property
     def optimism_cm_s(self) -> float:
-        """Certified g minus training g [cm/s]: how much the training ensemble flattered it. NaN for a reference."""
+        """Certified g minus training g [cm/s]: the optimism of the training score. NaN for a reference."""
         return math.nan if self.training is None else self.assessment.g_cm_s - self.training.g_cm_s
 
 
@@ -61,7 +61,7 @@ class Request:
     """All that a certification follows from, beside the campaign itself: kept in the attributes of its group."""
 
     n_switches: int
-    """Fresh switches."""
+    """New switches."""
     seed: int
     """Seed of their stream."""
     top: int
@@ -91,7 +91,7 @@ class Certification:
 
     @property
     def n_switches(self) -> int:
-        """Fresh switches."""
+        """New switches."""
         return self.request.n_switches
 
     @property

@@ -9,6 +9,7 @@ from softclose.metrics.intervals import Interval, Proportion
 from softclose_workflows.analyses.opening import openings_to_json, print_openings
 from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.labels import in_percent
 from softclose_workflows.tell.plain import finite, waveform_rows
 from softclose_workflows.tell.tables import beside, ends, interval_kinds, print_designs, with_interval
 
@@ -23,7 +24,7 @@ def print_certification(result: Certification) -> None:
     from softclose_workflows.run import records
 
     print_designs(
-        f"Certified on {result.n_switches:,} fresh switches (seed {result.seed})",
+        f"Certified on {result.n_switches:,} new switches (seed {result.seed})",
         [
             (_label(result, d), waveform_rows(d.waveform.rows()), records.assessment_record(d.assessment))
             for d in (*result.candidates, *result.references)
@@ -34,11 +35,11 @@ def print_certification(result: Certification) -> None:
     best = result.best
     p = best.assessment.p_nc_intervals
     console.print(f"best: {best.name}")
-    console.print(f"  p_nc {_proportion(p)}{beside(best.assessment.n_failed, best.assessment.n)}")
+    console.print(f"  left open: {_proportion(p)}{beside(best.assessment.n_failed, best.assessment.n)}")
     if best.assessment.limit is not None:
         console.print(f"  {best.assessment.limit.sentence}")
     for exceedance in best.assessment.p_exceed:
-        console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s) {_proportion(exceedance.probability)}")
+        console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s): {_proportion(exceedance.probability)}")
         excess = with_interval(exceedance.excess_cm_s, *exceedance.excess_interval, 4)
         console.print(f"  expected excess over {exceedance.limit_cm_s:g} cm/s: {excess} cm/s")
     a = best.assessment
@@ -46,8 +47,8 @@ def print_certification(result: Certification) -> None:
     console.print(f"  mean V of the fastest {fastest} (CVaR): {with_interval(a.cvar_cm_s, *a.cvar_interval)} cm/s")
     if best.training is not None:
         console.print(
-            f"  the training ensemble ({best.training.n_switches:,} switches) said g {best.training.g_cm_s:.2f}: "
-            f"certified {best.optimism_cm_s:+.2f} cm/s"
+            f"  certified g is {abs(best.optimism_cm_s):.2f} cm/s {'above' if best.optimism_cm_s > 0 else 'below'} the "
+            f"training score {best.training.g_cm_s:.2f} (on {best.training.n_switches:,} switches)"
         )
     for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
@@ -69,38 +70,44 @@ def print_race(race: Race) -> None:
             f"none better by more than {lap.margin_cm_s:.3f} cm/s{out}"
         )
     last, n = race.laps[-1], len(race.laps[0].racing)
-    share = race.trajectories / (last.n_switches * n)
-    spent = f"{race.trajectories:,} trajectories ({share:.0%} of all candidates on as many switches)"
+    done = race.trajectories / (last.n_switches * n)
+    spent = f"{race.trajectories:,} trajectories ({in_percent(done)} of all candidates on as many switches)"
     said = "decided" if race.decided else f"not decided to {race.tolerance_cm_s:g} cm/s: give more --switches"
     console.print(
         f"{said}: candidate {last.best} is the best of {n}, or within {last.margin_cm_s:.3f} cm/s of it "
-        f"({race.confidence:.0%}); {spent}"
+        f"({in_percent(race.confidence)}); {spent}"
     )
 
 
 def _label(result: Certification, design: Certified) -> str:
     if design.training is None:
         return design.name
-    mark = ", incumbent" if design.candidate == result.incumbent else ""
+    mark = ", best training score" if design.candidate == result.incumbent else ""
     return f"{design.name}{mark}\ntraining g {design.training.g_cm_s:.2f}"
 
 
 def comparison_line(c: Comparison) -> str:
-    """`v_u -21.4 (-21.9 – -20.8) cm/s, softer on 97.1 % of the switches, p_nc +0.0123`."""
+    """`v_u -21.40 (-21.90 to -20.80) cm/s, softer on 97.1 % of the switches, left open +1.23 (…) points`."""
     speed = (
         "no difference of v_u, since too few switches touch under one of them"
         if math.isnan(c.v_u_cm_s)
         else f"v_u {c.v_u_cm_s:+.2f} ({ends(*c.v_u_interval, sign='+')}) cm/s"
     )
-    softer = f"softer on {c.softer.estimate:.1%} of the switches" if c.softer.n else "no switch touches under both"
-    return f"{speed}, {softer}, p_nc {c.p_nc:+.4f} ({ends(*c.p_nc_interval, 4, '+')})"
+    softer = (
+        f"softer on {in_percent(c.softer.estimate, 1)} of the switches"
+        if c.softer.n
+        else "no switch touches under both"
+    )
+    low, high = (100.0 * end for end in c.p_nc_interval)
+    return f"{speed}, {softer}, left open {100.0 * c.p_nc:+.2f} ({ends(low, high, 2, '+')}) points"
 
 
 def _proportion(p: Proportion) -> str:
     def of(interval: Interval) -> str:
-        return ends(*interval, 4)
+        return ends(100.0 * interval[0], 100.0 * interval[1], 2)
 
-    return f"{p.estimate:.4f} (Eq. 11: {of(p.wald)}; Wilson {of(p.wilson)}; Clopper-Pearson {of(p.clopper_pearson)})"
+    wald, wilson, clopper = of(p.wald), of(p.wilson), of(p.clopper_pearson)
+    return f"{in_percent(p.estimate, 2)} (Eq. 11: {wald}; Wilson {wilson}; Clopper-Pearson {clopper})"
 
 
 def certification_to_json(result: Certification) -> dict[str, Any]:

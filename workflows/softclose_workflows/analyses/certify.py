@@ -1,6 +1,6 @@
 """Owns certification: the out-of-sample truth about a campaign's best candidates, kept in its store.
 
-A campaign picks the smallest of many noisy values of g, so its optimum flatters itself. The fresh switches have a
+A campaign picks the smallest of many noisy values of g, so its training score is optimistic. The new switches have a
 random stream of their own, so that no seed can make them the training ensemble again; they are independent random
 draws, so Eq. 11 and its companions hold whatever the campaign's own sampling is. See docs/adr/045-certification.md.
 """
@@ -57,7 +57,7 @@ def certify(
 ) -> Certification:
     """Certify the `top` best distinct candidates of the campaign at path, and keep the result in its group.
 
-    seed: of the fresh switches; the campaign's own by default (their stream differs). Certifications on other numbers
+    seed: of the new switches; the campaign's own by default (their stream differs). Certifications on other numbers
     of switches, or of other seeds, stay as they are. What was certified before on these very switches stays certified:
     only candidates that are new among the best are simulated. Raises CertifyError.
     """
@@ -112,9 +112,9 @@ def certify_again(path: str, name: str) -> None:
 
 
 def least_switches(config: CampaignConfig) -> int:
-    """Fewest fresh switches that may certify this campaign.
+    """Fewest new switches that may certify this campaign.
 
-    As many as the largest ensemble that its candidates were chosen on: fewer know less than the campaign did. And as
+    As many as the largest ensemble that its candidates were tuned on: fewer know less than the campaign did. And as
     many as bound v_u from above at the campaign's level and confidence (36 at 90 % and 95 %).
     """
     o = config.objective
@@ -128,7 +128,7 @@ def check_size(config: CampaignConfig, n_switches: int, top: int) -> None:
     least = least_switches(config)
     if n_switches < least:
         raise CertifyError(
-            f"{n_switches} fresh switches certify nothing here: at least {least} are needed, as many as the campaign "
+            f"{n_switches} new switches certify nothing here: at least {least} are needed, as many as the campaign "
             f"chose its candidates on ({config.n_switches_max}) and as its interval of v_u asks for (--switches)"
         )
 
@@ -169,7 +169,7 @@ def certified_on(
 
 
 def _openings(campaign: Campaign, config: CampaignConfig, result: Certification, threads: int) -> Openings | None:
-    """The best candidate's designed opening on the fresh switches, a part at a time; None where nothing can be said."""
+    """The best candidate's designed opening on the new switches, a part at a time; None where nothing can be said."""
     best = result.best.candidate
     try:
         designed = None if best is None else designed_opening(campaign.path, best, threads=threads)
@@ -209,7 +209,7 @@ def simulate_fresh(
     threads: int = 1,
     listener: Step | None = None,
 ) -> list[Judged]:
-    """Metrics of every waveform on the same fresh switches of the campaign's lot, `start` and on, a part at a time.
+    """Metrics of every waveform on the same new switches of the campaign's lot, `start` and on, a part at a time.
 
     for_everybody: the waveforms that are tailored to no switch, whatever the campaign measures.
     """
@@ -237,7 +237,7 @@ def simulate_fresh(
 def choose_distinct(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:
     """The incumbent, and the best distinct candidates: the incumbent first, then by rank, g plus its standard error.
 
-    The standard error stands for the size of the ensemble: g of 200 switches is no promise, g of 20,000 is nearly one.
+    The standard error stands for the size of the ensemble: g estimated on few switches is optimistic.
     """
     best = campaign.best()
     if best is None:

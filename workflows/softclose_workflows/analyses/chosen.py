@@ -24,7 +24,7 @@ class Chosen:
     why: str
     """`best certified`, `best` or `asked for`."""
     seed: int
-    """Seed of the fresh switches to ask it on: the certification's, where there is one."""
+    """Seed of the new switches to ask it on: the certification's, where there is one."""
     warning: str
     """Where it leaves more than objective.warn_open of the switches open, certified where it is; else ""."""
 

@@ -1,4 +1,4 @@
-"""Owns what a few measured devices leave open of a stored design's figures."""
+"""Owns how uncertain a stored design's figures are because few devices were measured."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from softclose.uncertainty.devices import propagate as propagate_devices
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.labels import in_percent
 from softclose_workflows.tell.plain import finite
-from softclose_workflows.tell.tables import with_interval
+from softclose_workflows.tell.tables import ends, with_interval
 
 FEW = 30
 """Devices below which the intervals are said to be what they are (docs/measurements/coverage.md)."""
@@ -68,25 +69,26 @@ def propagate(
 
 def said(chosen: Chosen, found: Propagated) -> list[str]:
     """A line a figure: what it is, what the switches leave open, and what the devices do."""
-    a, level = found.assessment, f"{found.confidence:.0%}"
+    a, level = found.assessment, in_percent(found.confidence)
     rows = (
-        ("v_u [cm/s]", "v_u_cm_s", a.v_u_cm_s, a.v_u_interval, 2),
-        ("p_nc", "p_nc", a.p_nc, a.p_nc_intervals.wilson, 4),
-        ("g [cm/s]", "g_cm_s", a.g_cm_s, a.g_interval, 2),
+        ("v_u [cm/s]", "v_u_cm_s", a.v_u_cm_s, a.v_u_interval, 1.0),
+        ("open [%]", "p_nc", a.p_nc, a.p_nc_intervals.wilson, 100.0),
+        ("g [cm/s]", "g_cm_s", a.g_cm_s, a.g_interval, 1.0),
     )
     lines = [
         f"candidate {chosen.candidate} ({chosen.why}) on the lot of {found.n_devices} devices; {level} intervals: by "
         f"{a.n:,} switches, and by the devices"
     ]
-    for label, name, value, by_switches, digits in rows:
-        low, high = found.interval(name)
+    for label, name, value, by_switches, factor in rows:
+        (low, high), (first, last) = found.interval(name), by_switches
         lines.append(
-            f"  {label:11} {with_interval(value, *by_switches, digits)}   {low:.{digits}f} – {high:.{digits}f}"
+            f"  {label:11} {with_interval(factor * value, factor * first, factor * last)}   "
+            f"{ends(factor * low, factor * high)}"
         )
     if found.n_devices < FEW:
         lines.append(
             f"{found.n_devices} devices are few: of 80 sets of 12 without known bounds the interval of v_u held for "
-            "77, that of p_nc for 71"
+            "77, that of the share left open for 71"
         )
     if found.n_failed:
         lines.append(f"{found.n_failed} of {len(found.p_nc)} draws of devices are no population and left out")

@@ -1,4 +1,4 @@
-"""Owns the drift of a stored design's lot: on the certification's fresh switches, told as a table or as JSON."""
+"""Owns the drift of a stored design's lot: on the certification's new switches, told as a table or as JSON."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.console import Step, wide_console
 from softclose_workflows.tell.plain import finite
-from softclose_workflows.tell.tables import share_open, with_interval
+from softclose_workflows.tell.tables import points, share_open, with_interval
 
 USUAL = (-0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2)
 """Drifts that are looked at where none is named, as parts of the pull-in voltage."""
@@ -83,11 +83,11 @@ def print_drift(chosen: Chosen, found: Drift, n_switches: int) -> None:
 
     table = Table(
         title=f"candidate {chosen.candidate} ({chosen.why}), pull-in voltages drifting by {found.kind}, on "
-        f"{n_switches:,} fresh switches",
+        f"{n_switches:,} new switches",
         title_justify="left",
     )
     table.add_column("drift", justify="right", no_wrap=True)
-    for column in ("v_u [cm/s]", "change", "p_nc", "change", "g [cm/s]"):
+    for column in ("v_u [cm/s]", "change", "left open", "change", "g [cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for r in found.rows:
         a, c = r.assessment, r.comparison
@@ -97,7 +97,7 @@ def print_drift(chosen: Chosen, found: Drift, n_switches: int) -> None:
             with_interval(a.v_u_cm_s, *a.v_u_interval),
             "" if still else with_interval(c.v_u_cm_s, *c.v_u_interval),
             share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
-            "" if still else with_interval(c.p_nc, *c.p_nc_interval, 4),
+            "" if still else points(c.p_nc, *c.p_nc_interval),
             f"{a.g_cm_s:.2f}",
         )
     console = wide_console()

@@ -21,7 +21,7 @@ def tolerance(
     n_switches: int = 20_000,
     n_generators: int = 64,
 ) -> tuple[Chosen, list[DriveTolerance]]:
-    """A waveform under each error by itself, by default a usual set of them, on the certification's fresh switches."""
+    """A waveform under each error by itself, by default a usual set of them, on the certification's new switches."""
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
     rows = drive_tolerance(
@@ -62,7 +62,7 @@ def describe(error: DriveError) -> str:
     if error.gain:
         parts.append(f"gain {error.gain:+.2%}")
     if error.gain_sd:
-        parts.append(f"gain ± {error.gain_sd:.2%} (sd)")
+        parts.append(f"gain ± {100.0 * error.gain_sd:.2f} % (sd)")
     if error.jitter_us:
         parts.append(f"jitter {error.jitter_us:g} µs (sd)")
     if math.isfinite(error.slew_V_per_us):

@@ -26,13 +26,13 @@ class Compared:
     run: EngineRun
     """What it found."""
     certified_g_cm_s: float
-    """g of its best waveform on fresh switches [cm/s]; NaN where none were asked for."""
+    """g of its best waveform on new switches [cm/s]; NaN where none were asked for."""
 
 
 def compare(
     config: CampaignConfig, engines: Sequence[str], seeds: Sequence[int], n_switches: int, *, quiet: bool
 ) -> list[Compared]:
-    """Every engine on every seed; n_switches fresh switches certify each best waveform."""
+    """Every engine on every seed; n_switches new switches certify each best waveform."""
     needs.check(
         needs.of_ensemble(config.n_switches_max),
         f"an ensemble of {config.n_switches_max:,} switches",

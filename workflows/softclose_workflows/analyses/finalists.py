@@ -1,4 +1,4 @@
-"""Owns certification by a race: the best candidates on fresh switches, no more of them than it takes to tell.
+"""Owns certification by a race: the best candidates on new switches, no more of them than it takes to tell.
 
 The finalists of the race, and the incumbent, are then certified on the switches that it ended at: the certificate is
 what `softclose certify --switches` of that size would have written for them.

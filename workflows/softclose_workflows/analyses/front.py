@@ -30,7 +30,7 @@ _STEPS = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Front:
-    """The front of the candidates that were evaluated on the most switches: smaller ensembles flatter."""
+    """The front of the candidates that were evaluated on the most switches: scores on fewer are more optimistic."""
 
     objectives: tuple[FrontObjective, ...]
     """What is weighed."""
@@ -43,7 +43,7 @@ class Front:
     candidates: tuple[int, ...]
     """On the front, in its order."""
     growth: tuple[tuple[int, float], ...]
-    """(candidates so far, share of the box below the worst that they dominate)."""
+    """(candidates so far, hypervolume that they dominate, 1 is ideal)."""
 
 
 def front_of(
@@ -93,7 +93,7 @@ def print_front(path: str, objectives: Sequence[FrontObjective]) -> None:
     )
     shown.add_column("candidate", justify="right")
     shown.add_column("waveform")
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]", "closing time [µs]", "peak [V]"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]", "closing time [µs]", "peak [V]"):
         shown.add_column(column, justify="right", no_wrap=True)
     for i in front.candidates:
         record = {name: column[i] for name, column in records.items()}
@@ -105,8 +105,8 @@ def print_front(path: str, objectives: Sequence[FrontObjective]) -> None:
     corner = ", ".join(
         f"{name} {worst:g} {UNITS[name]}".strip() for name, worst in zip(front.objectives, front.worst, strict=True)
     )
-    said = ", ".join(f"{share:.4f} after {k:,}" for k, share in _quarters(front))
-    console.print(f"hypervolume, as a share of the box below {corner}: {said} candidates")
+    said = ", ".join(f"{volume:.4f} after {k:,}" for k, volume in _quarters(front))
+    console.print(f"hypervolume (1 = ideal), below {corner}: {said} candidates")
 
 
 def front_to_json(path: str, objectives: Sequence[FrontObjective]) -> dict[str, Any]:

@@ -13,17 +13,17 @@ from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.run.opening import designed_opening
 from softclose_workflows.tell.console import Step, wide_console
 from softclose_workflows.tell.plain import finite, waveform_rows
-from softclose_workflows.tell.tables import describe_waveform, with_interval
+from softclose_workflows.tell.tables import describe_waveform, share, with_interval
 
 TRAINING = 500
-"""Switches that a brake is designed on; it is judged on fresh ones."""
+"""Switches that a brake is designed on; it is judged on new ones."""
 _TRAINING_SEED = 1_000_003
-"""Added to the seed of the fresh switches: the brake is judged on switches that it was not designed on."""
+"""Added to the seed of the new switches: the brake is judged on switches that it was not designed on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """One design's opening on fresh switches."""
+    """One design's opening on new switches."""
 
     chosen: Chosen
     openings: Openings
@@ -76,7 +76,7 @@ def opening_words(found: Openings) -> str:
 
 def _time(value: float, lower: float, upper: float) -> str:
     if math.isinf(value):
-        return "not while watched"
+        return "not within the simulated time"
     return f"{value:.1f} ({lower:.1f}–{upper:.1f})"
 
 
@@ -89,7 +89,7 @@ def print_openings(title: str, found: Openings, level: float) -> None:
     for column in (
         f"overshoot, {100 * level:g} % [travels]",
         "touch again",
-        "stay",
+        "stuck closed",
         f"within {100 * BAND:g} % after [µs]",
     ):
         table.add_column(column, justify="right")
@@ -100,8 +100,8 @@ def print_openings(title: str, found: Openings, level: float) -> None:
         table.add_row(
             name if o is found.plain else f"{name}: {brake}",
             with_interval(o.overshoot, *o.overshoot_interval, 3),
-            with_interval(o.p_rebound.estimate, *o.p_rebound.wilson, 4),
-            with_interval(o.p_stuck.estimate, *o.p_stuck.wilson, 4),
+            share(o.p_rebound.estimate, *o.p_rebound.wilson),
+            share(o.p_stuck.estimate, *o.p_stuck.wilson),
             _time(o.settling_us, *o.settling_interval),
         )
     wide_console().print(table)

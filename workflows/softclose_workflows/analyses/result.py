@@ -40,7 +40,7 @@ def print_result(path: str) -> None:
             ),
             (f"best (candidate {best.candidate})", waveform_rows(best.waveform), record),
         ],
-        f"{kind}; training ensemble: an optimum flatters itself on the switches it was chosen on",
+        f"{kind}; training scores are optimistic: run `softclose certify`",
     )
     found = judge(config, campaign.responses(best.candidate))
     said = [found.limit.sentence] if found.limit is not None else []

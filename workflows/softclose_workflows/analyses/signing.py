@@ -43,7 +43,7 @@ class Line:
     quantity: Quantity
     """What it is."""
     value: Value
-    """On the fresh switches."""
+    """On the new switches."""
     limit: float | None
     """Largest admissible value, or the least one of a quantity that is better high; None: not judged."""
     verdict: Verdict

@@ -244,7 +244,7 @@ class Bench:
         lot: int = 0,
         unusual: bool = False,
     ) -> Certification:
-        """Certify a candidate by measurements of devices that it was not chosen on.
+        """Certify a candidate by measurements of devices that the search never saw.
 
         It is kept in the store as any other certificate; `export`, `report` and `compare` follow it.
 

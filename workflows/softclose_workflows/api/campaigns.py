@@ -147,20 +147,20 @@ def certify(
     within_cm_s: float | None = None,
     threads: int | None = None,
 ) -> Result[Certification]:
-    """Certify the best candidates on fresh switches and keep the certificate in the store, as `softclose certify`.
+    """Certify the best candidates on new switches and keep the certificate in the store, as `softclose certify`.
 
     Parameters
     ----------
     store
         Path, URL, or what `run` returned.
     n_switches
-        Fresh switches.
+        New switches.
     seed
         Of their ensemble; by default one that no campaign uses.
     top
         Candidates, the best of the training ensemble first.
     within_cm_s
-        Drop candidates that are beaten and stop as soon as the best is the best or within this of it [cm/s]; what is
+        Eliminate losers and double the sample until the winner is certain to within this [cm/s]; what is
         left is certified, on n_switches at most.
     threads
         By default one per core.
@@ -182,12 +182,12 @@ def certify(
     else:
         found, _ = certify_within(path, within_cm_s, **options)
     rows = [
-        {"design": d.name, **metrics(d.assessment), "flattered by [cm/s]": d.optimism_cm_s}
+        {"design": d.name, **metrics(d.assessment), "optimism of the training score [cm/s]": d.optimism_cm_s}
         for d in (*found.candidates, *found.references)
     ]
     return Result(
         value=found,
-        title=f"{path} on {found.n_switches:,} fresh switches",
+        title=f"{path} on {found.n_switches:,} new switches",
         rows=rows,
         notes=warned(found.best.assessment),
     )
@@ -253,7 +253,7 @@ def tolerance(
     candidate
         By default the best certified, else the best.
     n_switches
-        Fresh switches.
+        New switches.
     n_generators
         Generators drawn for random errors.
 
@@ -271,7 +271,7 @@ def tolerance(
         | {"change of v_u [cm/s]": r.v_u_shift_cm_s, "change of p_nc": r.p_nc_shift}
         for r in found
     ]
-    title = f"candidate {chosen.candidate} ({chosen.why}) of {path} on {n_switches:,} fresh switches"
+    title = f"candidate {chosen.candidate} ({chosen.why}) of {path} on {n_switches:,} new switches"
     return Result(value=found, title=title, rows=rows)
 
 

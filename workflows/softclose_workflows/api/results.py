@@ -14,7 +14,7 @@ from softclose.waveform import Waveform
 from softclose_store import Campaign, open_campaign
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing, read_standing
-from softclose_workflows.tell.tables import beside, describe_waveform, n_failed_of
+from softclose_workflows.tell.tables import beside, describe_waveform, n_failed_of, share
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,8 +110,8 @@ class CampaignRun(os.PathLike[str]):
         if s.best is not None:
             b = s.best
             lines.append(
-                f"best: candidate {b.candidate}, g {b.g_cm_s:.2f} cm/s, v_u {b.v_u_cm_s:.2f} cm/s, p_nc {b.p_nc:.4f} "
-                f"on {b.n_switches:,} switches" + beside(n_failed_of(b), b.n_switches)
+                f"best: candidate {b.candidate}, g {b.g_cm_s:.2f} cm/s, v_u {b.v_u_cm_s:.2f} cm/s, "
+                f"{share(b.p_nc)} left open on {b.n_switches:,} switches" + beside(n_failed_of(b), b.n_switches)
             )
             lines += filter(None, [s.warning])
             lines += describe_waveform(waveform_rows(b.waveform)).splitlines()

@@ -46,8 +46,8 @@ from softclose_workflows.terminal import say
     metavar="VOLTS",
     help="Samples that lines through the others meet to this are left out.",
 )
-@click.option("--switches", type=int, default=100_000, show_default=True, help="Fresh switches.")
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the fresh switches [the certificate's].")
+@click.option("--switches", type=int, default=100_000, show_default=True, help="New switches.")
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the new switches [the certificate's].")
 @click.option("--keep", "keep_as", metavar="NAME", help="Keep it in STORE, as traces/NAME.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
@@ -67,10 +67,10 @@ def assess(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """What a lot does under a drive that you have recorded or drawn, as a table of instants and voltages.
+    """Judge a drive that you have recorded or drawn, given as a table of instants and voltages.
 
-    Of a STORE the best waveform runs on the same switches, so that the difference has an interval; of a PRESET or a
-    FILE lot and objective are taken.
+    From a STORE, the best waveform runs on the same switches, so that the difference has an interval. From a PRESET or
+    FILE, only the population and the objective are used.
     """
     from softclose.datafiles import parsed_columns
     from softclose.waveform import read_record
@@ -123,7 +123,7 @@ def assess(
         best = waveform_rows(found.best.waveform.rows())
         rows.append((name, best, records.assessment_record(found.best_assessment)))
     kinds = interval_kinds(found.assessment.confidence, switches)
-    print_designs(f"On {switches:,} fresh switches (seed {found.seed})", rows, kinds)
+    print_designs(f"On {switches:,} new switches (seed {found.seed})", rows, kinds)
     if found.comparison is not None and found.best is not None:
         say(f"against candidate {found.best.candidate}: {comparison_line(found.comparison)}")
     if kept is not None:

@@ -88,7 +88,7 @@ def calibrate(
 
     described = calibration.to_dict()
     table = Table(title=f"{output}: fitted to {described['n_devices']} devices", title_justify="left")
-    for column in ("", "distribution", "number", f"value ({confidence:.0%} interval)", "Cramér–von Mises p"):
+    for column in ("", "distribution", "number", f"value ({100.0 * confidence:g} % interval)", "Cramér–von Mises p"):
         table.add_column(column)
     for variable, row in described["fits"].items():
         dull = ("alpha", "beta") if row["kind"] == "uniform" else ("half_width",)

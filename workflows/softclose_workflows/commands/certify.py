@@ -20,17 +20,17 @@ from softclose_workflows.commands.options import quiet_option
     type=int,
     default=100_000,
     show_default=True,
-    help="Fresh switches; at least as many as STORE was trained on.",
+    help="New switches; at least as many as STORE was trained on.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the fresh switches [the campaign's].")
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the new switches [the campaign's].")
 @click.option("--top", type=int, default=10, show_default=True, help="Best distinct candidates to certify.")
 @click.option(
     "--within",
     "within_cm_s",
     type=float,
     metavar="CM_S",
-    help="Drop who is beaten, double the switches, and stop when the best is the best or within CM_S of it; "
-    "at --switches at the latest.",
+    help="Eliminate losers and double the sample until the winner is certain, or certain to within CM_S; at "
+    "most --switches are used.",
 )
 @click.option("--threads", type=click.IntRange(min=1), help="Threads to simulate with [one per core].")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
@@ -45,9 +45,9 @@ def certify(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Rank the best candidates in STORE by what they do on fresh switches, and keep the result in STORE.
+    """Rank the best candidates in STORE by what they do on new switches, and keep the result in STORE.
 
-    The fresh switches are independent of those that the campaign was trained on, so the result is not flattered.
+    The new switches are independent of those that the campaign was trained on, so the result is not optimistic.
     Certifications on different numbers of switches are kept side by side; the one on the most switches counts for
     `export`, `report` and `compare`.
     """

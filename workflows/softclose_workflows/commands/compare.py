@@ -23,14 +23,14 @@ from softclose_workflows.commands.options import quiet_option
     "--fresh",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Judge all on N fresh switches, the same ones where populations are the same.",
+    help="Judge all on N new switches, the same ones where populations are the same.",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def compare(stores: tuple[str, ...], output: str | None, fresh: int | None, as_json: bool, quiet: bool) -> None:
-    """Put the best designs of two or more campaigns side by side.
+    """Compare the best designs of two or more campaigns side by side.
 
-    A certified campaign is judged on its fresh switches, any other on the switches that it was trained on; with --fresh
+    A certified campaign is judged on its new switches, any other on the switches that it was trained on; with --fresh
     all are judged alike, and differences are taken switch by switch.
     """
     from softclose_workflows.report.comparison import comparison_to_json, read_entries

@@ -19,7 +19,7 @@ import click
     type=click.IntRange(min=0),
     default=20_000,
     show_default=True,
-    help="Fresh switches on which each best waveform is certified; 0: none.",
+    help="New switches on which each best waveform is certified; 0: none.",
 )
 @click.option("--figure", metavar="FILE", help="Best g against evaluations and against time (svg, png or pdf).")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")

@@ -28,7 +28,7 @@ KINDS = ("stiffness", "charge")
 @click.option(
     "--at", "values", type=float, multiple=True, metavar="DRIFT", help="A part such as 0.02, or volts; repeatable."
 )
-@click.option("--switches", type=click.IntRange(min=100), default=20_000, show_default=True, help="Fresh switches.")
+@click.option("--switches", type=click.IntRange(min=100), default=20_000, show_default=True, help="New switches.")
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
@@ -42,7 +42,7 @@ def drift(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """How far the pull-in voltages of the lot in STORE may drift: v_u and p_nc as they move, and where v_u has doubled.
+    """Show how far pull-in voltages may drift before v_u of a waveform in STORE has doubled.
 
     The waveform stays; the switches are those of the certification, as many of them as asked for.
     """

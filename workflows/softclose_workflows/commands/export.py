@@ -157,7 +157,7 @@ def waveform(
     output: Path | None,
     **settings: Any,
 ) -> None:
-    """The drive waveform of one candidate; scaled for one switch where what was measured on it is given."""
+    """Write the drive waveform of one candidate, scaled for one switch where its measured values are given."""
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
 
@@ -301,7 +301,7 @@ def _refuse_options_of_other_formats(ctx: click.Context, form: str) -> None:
 @output_option
 @click.pass_obj
 def ensemble(store: str, /, form: str, candidate: int | None, trajectories: bool, output: Path | None) -> None:
-    """Every switch of one candidate: its properties and its response."""
+    """Write every switch of one candidate: its properties and its response."""
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import ensemble_dataset
 
@@ -318,7 +318,7 @@ def ensemble(store: str, /, form: str, candidate: int | None, trajectories: bool
 @output_option
 @click.pass_obj
 def history(store: str, /, form: str, output: Path | None) -> None:
-    """One row per committed candidate: waveform, metrics with intervals, what the surrogate believed."""
+    """Write one row per committed candidate: waveform, metrics with intervals, what the surrogate predicted."""
     from softclose_store import open_campaign
     from softclose_workflows.exports.tables import history_dataset
 
@@ -350,7 +350,7 @@ def history(store: str, /, form: str, output: Path | None) -> None:
 def trim(
     store: str, /, devices: Path | None, columns: str | None, rows: int, candidate: int | None, output: Path | None
 ) -> None:
-    """From what is measured on a switch to the scales of its drive: a table for the test floor."""
+    """Write a table for the test floor: from what is measured on a switch to the scales of its drive."""
     from softclose.datafiles import parsed_columns
     from softclose.population.measurements import NAMES
     from softclose.settings import CampaignConfig

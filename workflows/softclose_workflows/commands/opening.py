@@ -24,7 +24,7 @@ from softclose_workflows.commands.options import quiet_option
     metavar="N",
     help="Design a braking pulse, with so many waveforms tried; 0: the campaign's own, if it has one.",
 )
-@click.option("--switches", type=click.IntRange(min=100), default=10_000, show_default=True, help="Fresh switches.")
+@click.option("--switches", type=click.IntRange(min=100), default=10_000, show_default=True, help="New switches.")
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
@@ -38,9 +38,9 @@ def opening(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """How the lot in STORE opens when the holding pulse falls: overshoot, touching again, settling, and a brake.
+    """Show how the switches in STORE open at release: overshoot, contacts after release, settling; design a brake.
 
-    Judged are the switches that are held when the fall begins, on those of the certification.
+    This is based on the switches of the certificate that are still closed when the fall begins.
     """
     from softclose_workflows.analyses.opening import opening as analyse
     from softclose_workflows.analyses.opening import openings_to_json, print_openings

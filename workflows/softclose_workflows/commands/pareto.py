@@ -22,9 +22,9 @@ _NAMES = ("v_u", "p_nc", "closing", "peak")
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def pareto(store: str, objectives: tuple[str, ...], as_json: bool) -> None:
-    """The candidates of STORE that no other beats in all objectives, and how much they dominate the further it went.
+    """List the candidates of STORE that no other beats in all objectives at once, and how the front grew.
 
-    Of those evaluated on the most switches only: smaller ensembles flatter, and do not compare.
+    Of those evaluated on the most switches only: scores on fewer switches are more optimistic, and do not compare.
     """
     from typing import cast
 

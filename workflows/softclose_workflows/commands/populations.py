@@ -22,7 +22,7 @@ PRINTED: dict[str, dict[str, tuple[float, ...]]] = {
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def populations(names: tuple[str, ...], plate_area: float | None, modes: str | None, as_json: bool) -> None:
-    """Ranges, means and pull-in voltages of populations, beside what the published study prints of them."""
+    """Describe populations: ranges, means and pull-in voltages, beside what the published study prints of them."""
     from softclose.device.told import closing_summary
     from softclose.population import UNITS, load_population, population_names
     from softclose.switch.reduced_order import read_reduced_order

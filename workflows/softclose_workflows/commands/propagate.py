@@ -41,10 +41,11 @@ def propagate(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """How sure the figures of a waveform in STORE are, given the devices that the lot is known from.
+    """Show how certain the figures of a waveform in STORE are, given how few devices the lot was fitted to.
 
-    The lot is fitted to the devices of CSV, and to as many others drawn from it, again and again: what v_u and p_nc
-    vary by is what the devices leave open. A certificate's interval has the luck of its switches only.
+    The lot is fitted to the devices of CSV, and to as many others drawn from it, again and again: the
+    spread of v_u and p_nc is the uncertainty that comes from having measured few devices. A certificate's interval
+    accounts only for how many switches were simulated.
     """
     from softclose.datafiles import parsed_columns
     from softclose.population.measurements import NAMES

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 )
 @click.option("--out", default="runs/reproduce", show_default=True, metavar="DIR", help="Folder of stores and results.")
 @click.option("--quick", is_flag=True, help="Small budgets and ensembles: a smoke test, not a result.")
-@click.option("--switches", type=click.IntRange(min=1), help="Fresh switches of each certification [100,000].")
+@click.option("--switches", type=click.IntRange(min=1), help="New switches of each certification [100,000].")
 @click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting of all.")
 @placement_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")

@@ -103,7 +103,7 @@ def rescore(
     from rich.table import Table
 
     table = Table(title=f"{store}, rescored", title_justify="left")
-    for column in ("rank", "before", "candidate", "switches", "v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]"):
+    for column in ("rank", "before", "candidate", "switches", "v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for r in ranking[:rows]:
         table.add_row(

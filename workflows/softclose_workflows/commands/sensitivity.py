@@ -13,7 +13,7 @@ import click
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the points.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def sensitivity(store: str, candidate: int | None, points: int, replicates: int, seed: int, as_json: bool) -> None:
-    """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices)."""
+    """Show which of D, G, E and T the spread of V and the failures to close come from (Sobol' indices)."""
     from dataclasses import asdict
 
     from softclose_workflows.analyses.drive_errors import sensitivity as run
@@ -27,11 +27,13 @@ def sensitivity(store: str, candidate: int | None, points: int, replicates: int,
         return
     from rich.table import Table
 
+    from softclose_workflows.tell.labels import in_percent
+
     table = Table(
         title=f"candidate {chosen.candidate} ({chosen.why}): shares of the variance",
         title_justify="left",
-        caption=f"{found.n_simulated:,} switches, {found.p_contact:.1%} touched, {found.p_closed:.1%} closed; "
-        f"{found.confidence:.0%} intervals",
+        caption=f"{found.n_simulated:,} switches, {in_percent(found.p_contact, 1)} touched, "
+        f"{in_percent(found.p_closed, 1)} closed; {in_percent(found.confidence)} intervals",
         caption_justify="left",
     )
     for column in ("of", "from", "by itself", "with interactions"):

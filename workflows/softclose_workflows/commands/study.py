@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.argument("source", metavar="NAME|FILE")
 @click.option("--out", required=True, metavar="DIR", help="Folder of the stores, one per value.")
 @click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting of all.")
-@click.option("--switches", type=click.IntRange(min=1), default=100_000, show_default=True, help="Fresh switches.")
+@click.option("--switches", type=click.IntRange(min=1), default=100_000, show_default=True, help="New switches.")
 @click.option("--top", type=click.IntRange(min=1), default=10, show_default=True, help="Candidates certified in each.")
 @click.option(
     "--at-once",

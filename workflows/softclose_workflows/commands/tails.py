@@ -48,7 +48,7 @@ def tails(
     as_json: bool,
     **settings: Any,
 ) -> None:
-    """Rare failures of the lot: P(V > limit) and the fraction left open, by brute force and reliability methods."""
+    """Estimate rare failures: P(V > limit) and the share left open, by brute force and by reliability methods."""
     from importlib.util import find_spec
 
     from rich.table import Table

@@ -11,7 +11,7 @@ import click
 )
 @click.argument("store", metavar="STORE")
 @click.option("--candidate", type=int, help="Candidate [the best certified one, or else the best].")
-@click.option("--switches", type=click.IntRange(min=1), default=20_000, show_default=True, help="Fresh switches.")
+@click.option("--switches", type=click.IntRange(min=1), default=20_000, show_default=True, help="New switches.")
 @click.option(
     "--generators",
     type=click.IntRange(min=1),
@@ -35,9 +35,9 @@ def tolerance(
     slew: tuple[float, ...],
     as_json: bool,
 ) -> None:
-    """How v_u and p_nc of a waveform in STORE move with errors of the waveform generator.
+    """Show how v_u and the share left open of a waveform in STORE change with errors of its generator.
 
-    Each error by itself, on fresh switches: those of the certification, as many of them as asked for.
+    Each error by itself, on new switches: those of the certification, as many of them as asked for.
     Without any error given, a usual set of them.
     """
     from softclose.uncertainty.tolerance import DriveError
@@ -45,7 +45,7 @@ def tolerance(
     from softclose_workflows.analyses.drive_errors import tolerance as run
     from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.plain import json_text, waveform_rows
-    from softclose_workflows.tell.tables import share_open, with_interval
+    from softclose_workflows.tell.tables import points, share_open, with_interval
 
     asked = [
         *(DriveError(gain=x) for x in gain),
@@ -81,10 +81,10 @@ def tolerance(
     from rich.table import Table
 
     table = Table(
-        title=f"candidate {chosen.candidate} ({chosen.why}) on {switches:,} fresh switches", title_justify="left"
+        title=f"candidate {chosen.candidate} ({chosen.why}) on {switches:,} new switches", title_justify="left"
     )
     table.add_column("generator")
-    for column in ("v_u [cm/s]", "change", "p_nc", "change", "g [cm/s]"):
+    for column in ("v_u [cm/s]", "change", "left open", "change", "g [cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for r in rows:
         a = r.assessment
@@ -93,7 +93,7 @@ def tolerance(
             with_interval(a.v_u_cm_s, *a.v_u_interval),
             f"{r.v_u_shift_cm_s:+.2f}",
             share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
-            f"{r.p_nc_shift:+.4f}",
+            points(r.p_nc_shift),
             f"{a.g_cm_s:.2f}",
         )
     wide_console().print(table)

@@ -31,7 +31,7 @@ from softclose_workflows.commands.options import break_lock_option
 def verify(
     ctx: click.Context, store: str, n_replay: int | None, seed: int, repair: bool, as_json: bool, break_lock: bool
 ) -> None:
-    """Prove that STORE holds what was written: checksums, markers against data, records, schema, fingerprint."""
+    """Check that STORE holds what was written: checksums, markers against data, records, schema, fingerprint."""
     from softclose_store import repair as repair_store
     from softclose_store import verify as verify_store
     from softclose_workflows.analyses.recompute import recompute, replay

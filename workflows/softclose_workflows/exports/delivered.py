@@ -14,7 +14,7 @@ from softclose_workflows.analyses.certify import simulate_fresh
 from softclose_workflows.errors import ExportError
 
 N_SWITCHES = 500
-"""Fresh switches on which waveform and samples are compared, the same for both: enough to tell 0.1 cm/s of them."""
+"""New switches on which waveform and samples are compared, the same for both: enough to tell 0.1 cm/s of them."""
 MOST_SAMPLES = 50_000
 """Of more, every second, third … is taken, which is the harder test."""
 LINES_V = 1e-3

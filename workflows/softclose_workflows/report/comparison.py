@@ -30,13 +30,13 @@ class Entry:
     """What tables and charts call it: unique."""
     data: ReportData
     design: Design | None
-    """Its best candidate on fresh switches if it is certified, else on its own training switches; None without one."""
+    """Its best candidate on new switches if it is certified, else on its own training switches; None without one."""
     fresh: Judged | None = None
-    """What the fresh switches of this comparison did, where it has some."""
+    """What the new switches of this comparison did, where it has some."""
 
     @property
     def is_fair(self) -> bool:
-        """True where it is judged on switches that no waveform was chosen on."""
+        """True where it is judged on switches that the search never saw."""
         return self.fresh is not None or self.data.certification is not None
 
     @property
@@ -45,13 +45,13 @@ class Entry:
         if self.design is None:
             return "no usable candidate"
         n = count(self.design.assessment.n)
-        return f"{n} fresh switches" if self.is_fair else f"{n} training switches"
+        return f"{n} new switches" if self.is_fair else f"{n} training switches"
 
 
 def read_entries(paths: Sequence[str], fresh: int = 0) -> list[Entry]:
     """Read every store. Raises CompareError where there are fewer than two.
 
-    fresh: judge the best of each on so many fresh switches of its own population, the same ones where populations are
+    fresh: judge the best of each on so many new switches of its own population, the same ones where populations are
     the same; 0: as each store judges it.
     """
     if len(paths) < 2:
@@ -114,7 +114,7 @@ def unlike(a: CampaignConfig, b: CampaignConfig) -> list[str]:
 
 
 def not_compared(entries: Sequence[Entry]) -> list[str]:
-    """A sentence for each campaign on fresh switches that cannot be held against any before it, switch by switch."""
+    """A sentence for each campaign on new switches that cannot be held against any before it, switch by switch."""
     said = []
     for k, entry in enumerate(entries[1:], start=1):
         apart = [unlike(e.data.config, entry.data.config) for e in entries[:k]]

@@ -138,7 +138,7 @@ class Candidates:
     columns: dict[str, FloatArray]
     """g_cm_s, v_u_cm_s, mean_cm_s, p_nc, … with their intervals, as the store names them; each (n,)."""
     surrogate: dict[str, FloatArray]
-    """What the surrogate believed before each candidate, by name; each (n,)."""
+    """What the surrogate predicted before each candidate, by name; each (n,)."""
 
     def __len__(self) -> int:
         return len(self.origin)
@@ -186,12 +186,12 @@ class ReportData:
     plainer: Plainer | None
     """None where switches have neither further modes nor losses."""
     openings: Openings | None
-    """How the best candidate opens, on fresh switches where it is certified; None where none is designed."""
+    """How the best candidate opens, on new switches where it is certified; None where none is designed."""
     front: Front | None
     """None where no candidate has a result."""
     dependence: Dependence | None
     certification: Certification | None
-    """What fresh switches say, if the store has a certification."""
+    """What new switches say, if the store has a certification."""
 
     @property
     def shown_parameters(self) -> tuple[str, ...]:
@@ -230,7 +230,7 @@ class ReportData:
 
     @property
     def judged_designs(self) -> tuple[Design, ...]:
-        """The same designs where they are best judged: on fresh switches where there are any."""
+        """The same designs where they are best judged: on new switches where there are any."""
         c = self.certification
         if c is None:
             return self.designs

@@ -87,7 +87,7 @@ def _span(values: FloatArray) -> list[float]:
 
 
 def growth(found: Front) -> Chart:
-    """The share of the box that the front dominates, over the candidates so far."""
+    """Hypervolume of the front over the candidates so far."""
     n, share = np.array(found.growth).T
     return {
         "data": [
@@ -100,10 +100,8 @@ def growth(found: Front) -> Chart:
                 "hovertemplate": "%{y:.4f} after %{x} candidates<extra></extra>",
             }
         ],
-        "layout": layout(
-            axis("Candidates so far"), axis("Hypervolume (share of the box)", rangemode="tozero"), height=300
-        ),
-        "alt": f"Hypervolume of the front, which grows to {share[-1]:.4f} of the box.",
+        "layout": layout(axis("Candidates so far"), axis("Hypervolume (1 = ideal)", rangemode="tozero"), height=300),
+        "alt": f"Hypervolume of the front, which grows to {share[-1]:.4f} (1 is ideal).",
     }
 
 

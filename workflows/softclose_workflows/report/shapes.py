@@ -58,7 +58,7 @@ class Exceedance:
 
 
 def exceedance(speed_cm_s: FloatArray, top_cm_s: float, confidence: float) -> Exceedance:
-    """How rare ever faster closings are, up to top_cm_s; empty where no switch touched."""
+    """Fraction of switches faster than v, up to top_cm_s; empty where no switch touched."""
     v = np.sort(speed_cm_s[np.isfinite(speed_cm_s)])
     axis = np.arange(0.0, top_cm_s + SPEED_STEP_CM_S, SPEED_STEP_CM_S) if v.size else np.empty(0)
     counts = v.size - np.searchsorted(v, axis, side="right")

@@ -19,7 +19,7 @@ def opening_rows(data: ReportData) -> list[dict[str, str]]:
         return []
 
     def row(name: str, o: Opening) -> dict[str, str]:
-        settles = "not while watched" if math.isinf(o.settling_us) else number(o.settling_us)
+        settles = "not within the simulated time" if math.isinf(o.settling_us) else number(o.settling_us)
         return {
             "name": name,
             "overshoot": number(o.overshoot, 3),

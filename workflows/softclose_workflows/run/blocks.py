@@ -1,6 +1,6 @@
 """Owns how a campaign is cut into blocks, the unit of Dask work and of storage: some candidates × some switches.
 
-Everything here follows from the configuration alone, never from the number of workers (DESIGN §2).
+Everything here follows from the configuration alone, never from the number of workers.
 """
 
 from __future__ import annotations

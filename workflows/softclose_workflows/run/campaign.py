@@ -93,7 +93,7 @@ class Driver:
     _history: list[Observation] = field(init=False, default_factory=list)
     _best: tuple[int, float, float] = field(init=False, default=(0, math.inf, math.inf))
     """Switches, rank and g of the best so far."""
-    """Largest ensemble so far, and the smallest g on it: a small ensemble flatters its optimum."""
+    """Largest ensemble so far, and the smallest g on it: training scores on few switches are optimistic."""
     _flights: dict[int, Flight] = field(init=False, default_factory=dict)
     _tries: Counter[tuple[str, Place]] = field(init=False, default_factory=Counter)
     _n_switches_done: int = field(init=False, default=0)

@@ -1,4 +1,4 @@
-"""Owns what a fault of the machine leads to: the work is tried elsewhere, or the run stops (DESIGN §5)."""
+"""Owns what a fault of the machine leads to: the work is tried elsewhere, or the run stops."""
 
 from __future__ import annotations
 

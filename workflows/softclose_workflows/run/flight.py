@@ -89,7 +89,8 @@ class Flight:
         found = judge(config, response)
         record = records.assessment_record(found)
         if math.isnan(found.g_cm_s):
-            why = f"{reasons(response.status[response.status != MISSING])}; above {MAX_FAILED:.0%} g is not defined"
+            seen = reasons(response.status[response.status != MISSING])
+            why = f"{seen}; above {100.0 * MAX_FAILED:g} % g is not defined"
             record |= {"failed": True, "failure": why}
         return proposed | record | timings
 

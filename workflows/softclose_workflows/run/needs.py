@@ -24,7 +24,7 @@ DRIVER_SWITCH_BYTES = 220.0
 """Memory of the driver for each switch of the ensemble, while it is drawn and stored."""
 
 FRESH_SWITCH_BYTES, FRESH_RESPONSE_BYTES, KEPT_RESPONSE_BYTES = 100.0, 38.0, 10.0
-"""Memory for each fresh switch; for each of them under each waveform while it is assessed, and afterwards."""
+"""Memory for each new switch; for each of them under each waveform while it is assessed, and afterwards."""
 
 
 LIBRARIES_BYTES = 1.05e9
@@ -64,7 +64,7 @@ def of_ensemble(n_switches: int) -> Needs:
 
 
 def of_fresh(n_switches: int, n_waveforms: int, *, n_kept: int = 0) -> Needs:
-    """Waveforms assessed on fresh switches; n_kept: further ones, of which the responses stay in memory."""
+    """Waveforms assessed on new switches; n_kept: further ones, of which the responses stay in memory."""
     per_switch = FRESH_SWITCH_BYTES + FRESH_RESPONSE_BYTES * n_waveforms + KEPT_RESPONSE_BYTES * n_kept
     return Needs(memory_bytes=n_switches * per_switch, disk_bytes=KEPT_RESPONSE_BYTES * n_switches * n_waveforms)
 
@@ -90,10 +90,10 @@ def check_run(config: CampaignConfig, placement: Placement, path: str, *, commit
 
 
 def check_fresh(n_switches: int, n_waveforms: int, *, path: str | Path | None = None) -> None:
-    """Refuse an ensemble of fresh switches that this machine cannot hold."""
+    """Refuse an ensemble of new switches that this machine cannot hold."""
     check(
         of_fresh(n_switches, n_waveforms),
-        f"{n_waveforms:,} waveforms on {n_switches:,} fresh switches",
+        f"{n_waveforms:,} waveforms on {n_switches:,} new switches",
         "lower --switches or --top",
         path=path,
     )

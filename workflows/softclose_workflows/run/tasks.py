@@ -1,6 +1,6 @@
 """Owns the unit of distributed work: simulate one block of candidates and switches, and store it.
 
-A pure function of its task and the stored population: running it twice writes the same bits.
+A pure function of its task and the stored population: running it twice writes bit-identical results.
 """
 
 from __future__ import annotations

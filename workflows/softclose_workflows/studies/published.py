@@ -1,4 +1,4 @@
-"""Owns the published figures and the campaigns that reproduce them (SPEC §7)."""
+"""Owns the published figures and the campaigns that reproduce them."""
 
 from __future__ import annotations
 

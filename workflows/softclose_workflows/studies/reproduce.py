@@ -146,7 +146,7 @@ def _print(console: Any, rows: Sequence[Row]) -> None:
 
     n = rows[0].certified.assessment.n
     table = Table(
-        title=f"Published figures (N = {N_PUBLISHED}) beside ours, certified on {n:,} fresh switches [cm/s]",
+        title=f"Published figures (N = {N_PUBLISHED}) beside ours, certified on {n:,} new switches [cm/s]",
         title_justify="left",
     )
     table.add_column("case", no_wrap=True)

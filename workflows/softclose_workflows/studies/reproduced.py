@@ -21,7 +21,7 @@ class Row:
     store: str
     """Name of that campaign's store."""
     certified: Certified
-    """The waveform on fresh switches."""
+    """The waveform on new switches."""
     v_u_range: Interval
     """95 % of the estimates of v_u that ensembles of 200 switches would give [cm/s]."""
     mean_range: Interval

@@ -44,7 +44,7 @@ class Effort:
     """How a series is computed; no result depends on it but on `n_switches` and `top`."""
 
     n_switches: int = 100_000
-    """Fresh switches of each certification."""
+    """New switches of each certification."""
     top: int = 10
     """Candidates certified in each campaign."""
     placement: Placement = field(default_factory=Placement)
@@ -122,7 +122,7 @@ def _check(members: Sequence[Member], folder: str | Path, effort: Effort) -> Non
     certifications = needs.of_fresh(effort.n_switches, max(designs), n_kept=sum(designs))
     needs.check(
         needs.of_all([runs, certifications]),
-        f"{len(members)} campaigns, each certified on {effort.n_switches:,} fresh switches,",
+        f"{len(members)} campaigns, each certified on {effort.n_switches:,} new switches,",
         "lower population.n_switches, campaign.budget or store.n_times (--set), --switches or --top",
         path=folder,
     )

@@ -85,7 +85,7 @@ def run_study(study: Study, folder: str | Path, effort: Effort) -> StudyResult:
 
 
 def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certification], effort: Effort) -> FloatArray:
-    """Certified g of every optimum under every value, on the fresh switches of that value. (n_value, n_value)."""
+    """Certified g of every optimum under every value, on the new switches of that value. (n_value, n_value)."""
     g = np.full((len(members), len(members)), math.nan)
     waveforms = [c.best.waveform for c in certifications]
     with bar("every optimum under every value", quiet=effort.quiet) as listener:

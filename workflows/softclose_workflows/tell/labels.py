@@ -108,6 +108,11 @@ def percent(value: float, digits: int = 1) -> str:
     return "–" if math.isnan(value) else f"{number(100.0 * value, digits)}\u202f%"
 
 
+def in_percent(value: float, digits: int = 0) -> str:
+    """The same for a terminal, with a space as one types it: `95 %`, `7.15 %`."""
+    return percent(value, digits).replace("\u202f", " ")
+
+
 def percent_interval(lower: float, upper: float, digits: int = 1) -> str:
     """`3.1–4.8 %`; ends are clipped to what a probability can be."""
     if math.isnan(lower) or math.isnan(upper):

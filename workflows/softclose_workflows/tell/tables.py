@@ -11,6 +11,7 @@ from softclose.metrics.intervals import Interval, unseen_share
 from softclose.metrics.replicates import REPLICATES
 from softclose_store import Best
 from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.labels import in_percent
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing
 
@@ -34,6 +35,22 @@ def with_interval(value: float, lower: float, upper: float, digits: int = 2) -> 
     return f"{value:.{digits}f} ({ends(lower, upper, digits)})"
 
 
+def share(value: float, lower: float = math.nan, upper: float = math.nan, digits: int = 2) -> str:
+    """A share of the switches: `7.15 % (6.99–7.31)`; a dash where there is none."""
+    if math.isnan(value):
+        return "–"
+    bounds = "" if math.isnan(lower) or math.isnan(upper) else f" ({ends(100.0 * lower, 100.0 * upper, digits)})"
+    return in_percent(value, digits) + bounds
+
+
+def points(difference: float, lower: float = math.nan, upper: float = math.nan, digits: int = 2) -> str:
+    """A difference of two shares, in percentage points: `+7.15 (+6.99 to +7.31)`."""
+    if math.isnan(difference):
+        return "–"
+    bounds = "" if math.isnan(lower) or math.isnan(upper) else f" ({ends(100.0 * lower, 100.0 * upper, digits, '+')})"
+    return f"{100.0 * difference:+.{digits}f}{bounds}"
+
+
 def ends(lower: float, upper: float, digits: int = 2, sign: str = "") -> str:
     """`19.21–20.14`, with "to" between signed numbers; an end that nothing bounds is ∞."""
 
@@ -51,11 +68,11 @@ def interval_kinds(confidence: float, n: int, sampling: str = "monte-carlo") -> 
     if sampling == "sobol":
         return "one quasi-random sample: no interval holds for it."
     if sampling == "replicated":
-        return f"{confidence:.0%} intervals: from the spread of {REPLICATES} independent scramblings."
+        return f"{in_percent(confidence)} intervals: from the spread of {REPLICATES} independent scramblings."
     return (
-        f"{confidence:.0%} intervals: order statistics (v_u), Student and Hall (mean V, CVaR), Wilson (p_nc: right on "
-        f"average, down to 84 % near 0 and 1). None knows of a group that no switch is from: up to "
-        f"{unseen_share(n, confidence):.2g} of a lot can be missing from {n:,}."
+        f"{in_percent(confidence)} intervals: order statistics (v_u), Student and Hall (mean V, CVaR), Wilson (left "
+        f"open: right on average, down to 84 % near 0 and 1). None knows of a group that no switch is from: up to "
+        f"{100.0 * unseen_share(n, confidence):.2g} % of a lot can be missing from {n:,}."
     )
 
 
@@ -76,7 +93,7 @@ def metrics_row(record: Mapping[str, Any]) -> list[str]:
 def share_open(p_nc: float, bounds: Interval, n_failed: int) -> str:
     """p_nc with its interval, and below it how many switches could not be integrated, which it counts as open."""
     failed = f"\n{n_failed:,} not integrated" if n_failed else ""
-    return with_interval(p_nc, *bounds, 4) + failed
+    return share(p_nc, *bounds) + failed
 
 
 def print_designs(
@@ -88,7 +105,7 @@ def print_designs(
     table = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_lines=True)
     for column in ("design", "waveform"):
         table.add_column(column)
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]"):
         table.add_column(column, justify="right", no_wrap=True)
     for name, rows, record in designs:
         table.add_row(name, describe_waveform(rows), *metrics_row(record))
@@ -127,9 +144,9 @@ def print_standing(standing: Standing) -> None:
     from softclose_workflows.terminal import plain_console
 
     console = plain_console(soft_wrap=True)
-    share = standing.committed / max(standing.budget, 1)
-    state = "finished" if standing.finished else f"{share:.0%}"
-    console.print(f"{standing.name}: {standing.committed} of {standing.budget} candidates committed ({state})")
+    done = standing.committed / max(standing.budget, 1)
+    state = "finished" if standing.finished else in_percent(done)
+    console.print(f"{standing.name}: {standing.committed:,} of {standing.budget:,} candidates committed ({state})")
     for line in trouble_lines(standing):
         console.print(line)
     best = standing.best
@@ -140,7 +157,7 @@ def print_standing(standing: Standing) -> None:
         return
     console.print(
         f"best: candidate {best.candidate}, g {best.g_cm_s:.2f} cm/s, v_u {_known(best.v_u_cm_s)} cm/s, "
-        f"mean V {_known(best.mean_cm_s)} cm/s, p_nc {best.p_nc:.4f} on {best.n_switches} switches"
+        f"mean V {_known(best.mean_cm_s)} cm/s, {share(best.p_nc)} left open on {best.n_switches:,} switches"
         + beside(n_failed_of(best), best.n_switches)
     )
     if standing.warning:

@@ -97,12 +97,12 @@ def _best(campaign: Campaign) -> str:
 
 
 def _open(campaign: Campaign, p_nc: float) -> str:
-    return f", WARNING: {p_nc:.1%} open" if stored_open_warning(campaign.config, p_nc) else ""
+    return f", WARNING: {100.0 * p_nc:.1f} % left open" if stored_open_warning(campaign.config, p_nc) else ""
 
 
 def one_line(view: View) -> str:
     """For logs and pipes."""
-    parts = [f"{view.committed}/{view.budget} candidates", f"best g {view.best}"]
+    parts = [f"{view.committed:,} of {view.budget:,} candidates", f"best g {view.best}"]
     if not math.isnan(view.rate_per_s):
         parts.append(f"{view.rate_per_s:,.0f} switches/s")
     if not math.isnan(view.left_s):
@@ -123,7 +123,9 @@ def panel(view: View) -> RenderableType:
 
     table = Table.grid(padding=(0, 2))
     table.add_row("", ProgressBar(total=max(view.budget, 1), completed=view.committed, width=40))
-    table.add_row("candidates", f"{view.committed} of {view.budget} ({view.committed / max(view.budget, 1):.0%})")
+    table.add_row(
+        "candidates", f"{view.committed:,} of {view.budget:,} ({100.0 * view.committed / max(view.budget, 1):.0f} %)"
+    )
     table.add_row("best g", view.best)
     table.add_row("rate", "–" if math.isnan(view.rate_per_s) else f"{view.rate_per_s:,.0f} switches/s")
     table.add_row("time left", "–" if math.isnan(view.left_s) else _duration(view.left_s))

@@ -59,7 +59,7 @@
     if (b) {
       const v = b.v_u_cm_s === null ? "undefined" : `${b.v_u_cm_s.toFixed(2)} cm/s`;
       made.append(element("p", {}, element("strong", {}, `best g ${b.g_cm_s.toFixed(2)} cm/s`),
-        `, upper velocity ${v}, ${(100 * b.p_nc).toFixed(1)} % not closed${b.not_integrated} (candidate ${b.candidate}, ${b.n_switches} switches of training: it flatters itself)`));
+        `, upper velocity ${v}, ${(100 * b.p_nc).toFixed(1)} % not closed${b.not_integrated} (candidate ${b.candidate}, not certified; optimistic, since tuned on these ${b.n_switches.toLocaleString("en")} switches)`));
       if (b.warning) made.append(element("p", { class: "notice warn" }, b.warning));
       made.append(history(campaign), element("p", { class: "small" }, "Best g so far (cm/s)" + (campaign.larger.length ? "; a dotted line where a larger ensemble begins." : ".")));
     }

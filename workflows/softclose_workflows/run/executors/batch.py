@@ -86,8 +86,8 @@ def job_script(spec: Cluster) -> str:
 def _closing(cluster: JobQueueCluster) -> Iterator[JobQueueCluster]:
     """Cancel the jobs and close the scheduler at the end.
 
-    Dask asserts then that its jobs say of themselves that they are closed; those of the library never do, which goes
-    unseen as long as nobody, such as an error's traceback, still holds one.
+    dask-jobqueue never marks its jobs closed, so Dask's close() may raise AssertionError where something, such as an
+    error's traceback, still holds one.
     """
     try:
         yield cluster
