@@ -1,4 +1,4 @@
-"""Owns the reference that no stock tool knows how to write: configuration, store schema and old addresses, as Markdown.
+"""Owns the reference that no stock tool knows how to write: configuration and store schema, as Markdown.
 
 Everything comes from the code that it describes: the configuration's fields with their docstrings, the table of arrays.
 The command line and the Python interface are written by sphinx-click and Sphinx's own autodoc.
@@ -10,12 +10,16 @@ import ast
 import dataclasses
 import inspect
 import itertools
+import json
 import math
 import re
 import textwrap
 import typing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from softclose.population.lot import COLUMNS
 
@@ -136,46 +140,71 @@ def kind(annotation: Any) -> str:
 
 def schema_page() -> str:
     """Every array of a store: dimensions, type, unit, meaning, who writes it; and every field of its tables."""
-    from softclose_store.schema import fields, hierarchy
+    from softclose_store.schema import fields, hierarchy, layout
 
     lines = [
         "# Store schema",
         "",
         f"Schema version {fields.SCHEMA_VERSION}. A store is one Zarr version 3 hierarchy with named dimensions and "
-        "`units` in the attributes of its arrays. At its root lie the ensemble and the tables, a row per candidate; "
-        "each stage of the campaign (`search`, `explore`, `finish`) is a group that holds what was kept of every "
-        "switch. Lengths along `candidate` and `stage_candidate` are those of the committed candidates.",
+        "`units` in the attributes of its arrays. The group `population` holds the ensemble, a row per switch; the "
+        "group `candidates` the tables, a row per candidate; each stage of the campaign (`search`, `explore`, "
+        "`finish`, `extend1` …) is a group that holds what was kept of every switch under every candidate of it. "
+        "`candidate` and `switch` are counted through the whole campaign, in every group alike. Lengths along "
+        "`candidate` are those of the committed candidates. The root's attributes say the configuration and the "
+        "constants that all switches share; result groups, such as `certification/100000-1`, are listed beside the "
+        "campaign's own.",
         "",
         "Workers write the arrays of a stage, block by block: one block is some candidates × some switches, one chunk "
         "of each array, and its marker. The driver writes the tables, wave by wave. `wall_times` are the only values "
         "that two runs of one campaign do not share.",
-        "",
-        "## The ensemble",
-        "",
-        "| array | dimensions | type | unit | meaning |",
-        "| --- | --- | --- | --- | --- |",
     ]
-    lines += [f"| `{c.name}` | switch | f8 | {cell(c.unit)} | {cell(c.long_name)} |" for c in COLUMNS.values()]
-    for title, specs in (
-        ("Tables at the root", hierarchy.TABLES.values()),
-        ("Arrays of a stage", (*hierarchy.BLOCK_SPECS.values(), hierarchy.MARKER)),
+    columns = tuple(fields.PopulationColumn(c.name, c.unit, c.long_name) for c in COLUMNS.values())
+    example = layout.StageLayout(name="stage", n_candidates=1, n_switches=1, block_candidates=1, block_switches=1)
+    documents = hierarchy.schema_of(
+        layout.Layout(
+            stages=(example,),
+            times_us=np.arange(2.0),
+            max_impacts=1,
+            n_pulses=1,
+            columns=columns,
+            cases=(fields.CaseColumn("celsius", COLUMNS["celsius"].unit, "temperature of the case", (0.0, 1.0)),),
+            n_modes=2,
+        )
+    )
+    for title, group in (
+        ("Group `population`", layout.POPULATION),
+        ("Group `candidates`", layout.CANDIDATES),
+        ("Group of a stage", example.name),
     ):
-        lines += [
-            "",
-            f"## {title}",
-            "",
-            "| array | dimensions | type | unit | meaning |",
-            "| --- | --- | --- | --- | --- |",
-        ]
-        lines += [
-            f"| `{s.name}` | {', '.join(s.dims)} | {s.dtype} | {cell(s.unit)} | {cell(s.long_name)} |" for s in specs
-        ]
+        lines += ["", f"## {title}", "", *_array_table(documents, group)]
+    lines += [
+        "",
+        "`population` has those columns that the campaign's lot has. `impact` is there where `store.max_impacts` is "
+        "not 0, `x` and `v` where `store.n_times` is not. `mode_…` hold the further modes of a switch, where it has "
+        "any. Where each switch is simulated in several cases, such as temperatures, `case_…` hold each of them, and "
+        "the arrays without prefix what counts of the switch. `records` has a field `design_…` for each nominal value "
+        "that a search may change.",
+        "",
+        "## Result groups",
+        "",
+        "Written by `softclose certify`, by campaigns that design an opening, and by `softclose assess --keep`. Their "
+        "attributes say what was asked for.",
+        "",
+        "| group | array | meaning |",
+        "| --- | --- | --- |",
+    ]
+    lines += [
+        f"| `{group}` | `{name}` | {cell(meaning)} |"
+        for group, arrays in RESULT_ARRAYS.items()
+        for name, meaning in arrays.items()
+    ]
+    lines += ["", "A certification has the fields of `records` that are results, too, one value a design."]
     pulses = tuple(
         fields.Field(name=f"pulse1_{name}", unit=unit, long_name=f"{meaning} of pulse 1; further pulses likewise")
         for name, (meaning, unit) in fields.PARAMETERS.items()
     )
     for title, known in (
-        ("Fields of `records`", (*pulses, fields.N_SWITCHES, fields.WAVE, *fields.RESULTS)),
+        ("Fields of `records`", (*pulses, *fields.PROPOSALS, fields.WAVE, *fields.RESULTS)),
         ("Columns of `words`", fields.WORDS),
         ("Columns of `wall_times`", fields.WALL),
         ("Quantities of `response`", fields.QUANTITIES),
@@ -184,6 +213,62 @@ def schema_page() -> str:
         lines += ["", f"## {title}", "", "| name | unit | meaning |", "| --- | --- | --- |"]
         lines += [f"| `{f.name}` | {cell(f.unit)} | {cell(_per_limit(f))} |" for f in known]
     return "\n".join(lines) + "\n"
+
+
+def _array_table(documents: Mapping[str, bytes], group: str) -> list[str]:
+    """Every array of a group: name, dimensions, type, unit, meaning."""
+    lines = ["| array | dimensions | type | unit | meaning |", "| --- | --- | --- | --- | --- |"]
+    for key in sorted(documents):
+        name = key.removeprefix(f"{group}/").removesuffix("/zarr.json")
+        if not key.startswith(f"{group}/") or "/" in name or name == "zarr.json" or not key.endswith("/zarr.json"):
+            continue
+        array = json.loads(documents[key])
+        dims, about = ", ".join(array["dimension_names"]), array["attributes"]
+        kind = "text" if array["data_type"] == "string" else array["data_type"]
+        lines.append(f"| `{name}` | {dims} | {kind} | {cell(about['units'])} | {cell(about['long_name'])} |")
+    return lines
+
+
+_RELEASE = {
+    "release": "without and with a brake",
+    "release_waveform": "the whole drive: start, rise, peak [µs], volts of each pulse",
+    "parameter": "columns of a waveform",
+    "release_time": "time since the fall began [µs]",
+    "quantile": "5, 50 and 95 %",
+    "release_quantiles": "these quantiles of x / D",
+    "release_held": "held when the fall began",
+    "release_stuck": "never left the contact",
+    "release_rebound": "touched the contact again",
+    "release_overshoot": "largest displacement beyond rest, in travels",
+    "release_settling_us": "time until it stays near rest [µs]",
+}
+RESULT_ARRAYS = {
+    "certification/…": {
+        "design": "name of the candidate or reference design",
+        "candidate": "its index in the campaign; -1: a reference design",
+        "waveform": "start, rise, peak [µs], volts of each pulse",
+        "parameter": "columns of a waveform",
+        "fresh_switch": "index of the switch, which is none of the campaign's",
+        "max_contact_speed": "V of each fresh switch under each design [µm/µs]",
+        "closed": "whether it is held in contact at the horizon",
+        "status": "outcome of its integration; 0: ok",
+        "settling": "instant from which it is held [µs]",
+        "limit": "contact-speed limits [cm/s]",
+        "training_g_cm_s": "g on the training ensemble",
+        "training_n_switches": "size of the training ensemble",
+        **{c.name: f"of each fresh switch: {c.long_name} [{c.unit}]" for c in COLUMNS.values()},
+        **_RELEASE,
+    },
+    "opening/…": {"switch": "index of the switch in the campaign", **_RELEASE},
+    "traces/…": {
+        "time": "instants of the drive [µs]",
+        "volts": "drive voltage [V]",
+        "max_contact_speed": "V of each fresh switch [µm/µs]",
+        "closed": "whether it is held in contact at the horizon",
+        "status": "outcome of its integration; 0: ok",
+    },
+}
+"""Arrays of result groups, as a certified campaign with an opening is asked for them by a test."""
 
 
 def _per_limit(field: Any) -> str:

@@ -98,15 +98,13 @@ def _case(name: str, path: Path, final: Path) -> Case:
     for key in contents:
         stage, _, rest = key.partition("/")
         array, _, chunk = rest.partition("/")
-        if stage in campaign.stages and chunk.startswith("c.") and array not in ("time", "quantity", "quantity_unit"):
-            if array == "impact_quantity":
-                continue
+        if stage in campaign.stages and chunk.startswith("c.") and chunk.count(".") > 1:
             i, j = (int(n) for n in chunk.split(".")[1:3])
             if i * campaign.layout.stage(stage).block_candidates >= campaign.stages[stage]:
                 pending.add(key)
                 if array == "block_digest":
                     marked.add((stage, i, j))
-    unseen = {k for k in contents if k.endswith(".partial")} | {"digests/driver.lock"}
+    unseen = {k for k in contents if k.endswith(".partial")} | {"candidates/digests/driver.lock"}
     return Case(name, path, contents, final, frozenset(pending), frozenset(unseen))
 
 
@@ -118,7 +116,7 @@ def contents_of(path: Path) -> dict[str, bytes]:
 def room_of(key: str) -> str:
     """What a file belongs to, for the choice of files and the table."""
     parts = key.split("/")
-    if key in ("zarr.json", "digests/root.json", "runtime/zarr.json"):
+    if key in ("zarr.json", "candidates/digests/root.json", "runtime/zarr.json"):
         return key
     if len(parts) == 1 or parts[-1] in NAMES[5:]:
         return "stray"
@@ -128,15 +126,15 @@ def room_of(key: str) -> str:
         return "metadata of an array or a stage"
     if parts[-1].endswith(".partial"):
         return "left by a kill"
-    if len(parts) == 2:
+    if parts[0] in ("candidates", "population"):
         tables = ("records", "words", "digests", "surrogate", "wall_times")
-        return f"table {parts[0]}" if parts[0] in tables else "population and names"
+        return f"table {parts[1]}" if parts[1] in tables else "population and names"
     return "marker" if parts[1] == "block_digest" else "block" if parts[-1].count(".") > 1 else "population and names"
 
 
 def damage_once(path: Path, kind: str, rng: random.Random) -> str:
     """Damage a store in one way; returns what was done."""
-    keys = sorted(k for k in contents_of(path) if not k.endswith(".partial") and k != "digests/driver.lock")
+    keys = sorted(k for k in contents_of(path) if not k.endswith(".partial") and k != "candidates/digests/driver.lock")
     rooms: dict[str, list[str]] = {}
     for key in keys:
         rooms.setdefault(room_of(key), []).append(key)
@@ -268,11 +266,15 @@ def _unequal(case: Case, path: Path, mended: RepairReport) -> list[str]:
     said = " ".join(mended.unproved)
     unequal = []
     for key in sorted(now.keys() | case.contents.keys()):
-        if now.get(key) == case.contents.get(key) or key.endswith(".partial") or key == "digests/driver.lock":
+        if (
+            now.get(key) == case.contents.get(key)
+            or key.endswith(".partial")
+            or key == "candidates/digests/driver.lock"
+        ):
             continue
         if key in case.pending and key not in now:
             continue  # the comparison after resuming says whether it came again
-        if key.startswith("wall_times/c") and _timings_are_said(case, path, said):
+        if key.startswith("candidates/wall_times/c") and _timings_are_said(case, path, said):
             continue
         if key in ("zarr.json", "runtime/zarr.json") and "who ran" in said:
             continue
@@ -287,7 +289,7 @@ def _timings_are_said(case: Case, path: Path, said: str) -> bool:
 
 CERTIFICATES = ("certification/100-1", "certification/120-5")
 LOST: tuple[tuple[str, Callable[[set[str]], bool]], ...] = (
-    ("nothing says any more what this store is", lambda keys: {"zarr.json", "digests/root.json"} <= keys),
+    ("nothing says any more what this store is", lambda keys: {"zarr.json", "candidates/digests/root.json"} <= keys),
     (
         "its own metadata and their copy are lost",
         lambda keys: any({f"{name}/zarr.json", f"{name}/candidate/group.json"} <= keys for name in CERTIFICATES),

@@ -109,17 +109,17 @@ SORTS: dict[str, Callable[[Path], None]] = {
 
 KINDS = {
     "root": "zarr.json",
-    "copy of the root": "digests/root.json",
+    "copy of the root": "candidates/digests/root.json",
     "runtime": "runtime/zarr.json",
     "stage": "{stage}/zarr.json",
-    "array": "records/zarr.json",
-    "population": "K/c.0",
-    "scales": "voltage_scale/c.0",
+    "array": "candidates/records/zarr.json",
+    "population": "population/K/c.0",
+    "scales": "population/voltage_scale/c.0",
     "instants": "{stage}/time/c.0",
-    "records": "records/c.0.0",
-    "words": "words/c.0.0",
-    "timings": "wall_times/c.0.0",
-    "digest": "digests/c.0.0",
+    "records": "candidates/records/c.0.0",
+    "words": "candidates/words/c.0.0",
+    "timings": "candidates/wall_times/c.0.0",
+    "digest": "candidates/digests/c.0.0",
     "response": "{stage}/response/c.0.0.0",
     "impacts": "{stage}/impact/c.0.0.0.0",
     "motion": "{stage}/x/c.0.0.0",
@@ -133,7 +133,11 @@ KINDS = {
 }
 """A file of each kind."""
 
-SIBLINGS = {"K/c.0": "M/c.0", "voltage_scale/c.0": "time_scale/c.0", "zarr.json": "digests/root.json"}
+SIBLINGS = {
+    "population/K/c.0": "population/M/c.0",
+    "population/voltage_scale/c.0": "population/time_scale/c.0",
+    "zarr.json": "candidates/digests/root.json",
+}
 
 
 def lost(file: Path, sibling: Path, outside: Path) -> None:
@@ -570,7 +574,9 @@ def _first_difference(a: str, b: str) -> str:
 
 
 def _may_differ(key: str) -> bool:
-    return key in ("zarr.json", "runtime/zarr.json", "digests/root.json") or key.startswith("wall_times/")
+    return key in ("zarr.json", "runtime/zarr.json", "candidates/digests/root.json") or key.startswith(
+        "candidates/wall_times/"
+    )
 
 
 def _repaired(case: Case, answer: Answer) -> str:
@@ -583,7 +589,7 @@ def _repaired(case: Case, answer: Answer) -> str:
         bad = [
             k
             for k in different
-            if not (k.startswith("wall_times/") and "timings" in result.output)
+            if not (k.startswith("candidates/wall_times/") and "timings" in result.output)
             and not (k in ("zarr.json", "runtime/zarr.json") and "who ran" in result.output)
         ]
         return f"left {bad[:4]} otherwise: {result.output[-600:]}" if bad else ""

@@ -34,8 +34,8 @@ def differences(a: Path, b: Path) -> list[str]:
 
 
 def visible_lengths(path: Path) -> set[int]:
-    """Lengths of the `candidate` dimension that a reader of the consolidated metadata sees."""
-    root = zarr.open_group(str(path), mode="r")
+    """Lengths of the `candidate` dimension that a reader of the consolidated metadata sees in the tables."""
+    root = zarr.open_group(str(path), mode="r")["candidates"]
     return {
         array.shape[0]
         for _, array in root.arrays()

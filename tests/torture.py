@@ -114,7 +114,7 @@ def marked_files(store: Path) -> dict[Path, int]:
         for i, j in zip(*(markers[...] != 0).all(axis=-1).nonzero(), strict=True):
             for other, array in arrays.items():
                 dims = array.metadata.dimension_names
-                if other.startswith(f"{stage}/") and dims and tuple(dims[:2]) == ("stage_candidate", "stage_switch"):
+                if other.startswith(f"{stage}/") and dims and tuple(dims[:2]) == ("candidate", "switch"):
                     key = array.metadata.encode_chunk_key((int(i), int(j), *(0 for _ in dims[2:])))
                     file = store / other / key
                     if file.exists():

@@ -21,7 +21,14 @@ from softclose_store.groups import GroupArray, ResultGroup, group_attributes, li
 from softclose_store.read.arrays import read_population
 from softclose_store.read.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
 from softclose_store.schema.digests import assessed_digest, canonical_json, fingerprint_of, proposals_digest
-from softclose_store.schema.fields import IMPACT_QUANTITIES, QUANTITIES, SCHEMA_VERSION, PopulationColumn
+from softclose_store.schema.fields import (
+    IMPACT_QUANTITIES,
+    QUANTITIES,
+    SCHEMA_VERSION,
+    CaseColumn,
+    Constant,
+    PopulationColumn,
+)
 from softclose_store.schema.layout import MIN_INNER, Layout, StageLayout, largest_inner
 from softclose_store.write.block import write_block
 from softclose_store.write.create import StoreState, create_campaign, store_state
@@ -35,6 +42,8 @@ __all__ = [
     "SCHEMA_VERSION",
     "Best",
     "Campaign",
+    "CaseColumn",
+    "Constant",
     "Damage",
     "DamageError",
     "DriverStore",

@@ -1,8 +1,8 @@
 """Owns groups beside the campaign's own arrays: named results such as a certification.
 
-A result group is built in memory and copied with its own zarr.json last, so it is there as a whole or not at all. It is
-not in the root's consolidated metadata, which belongs to the driver: open it by its own path. The group lists its
-files; that list comes out of the store, so each name in it is checked before anything is touched under it.
+A result group is built in memory and copied with its own zarr.json last, so it is there as a whole or not at all; then
+the root lists it (`listing.py`). The group lists its files; that list comes out of the store, so each name in it is
+checked before anything is touched under it.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from softclose_store.disk.files import (
 )
 from softclose_store.disk.names import checked_member, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreExistsError, StoreMissingError
+from softclose_store.listing import list_groups_again
 from softclose_store.read.arrays import UNREADABLE, read_whole
 from softclose_store.read.described import DescribedFiles
 from softclose_store.schema import digests
@@ -79,7 +80,8 @@ def write_group(
 ) -> None:
     """Add a result group to a store, as a whole or not at all.
 
-    Needs no lock: it touches nothing of the campaign.
+    Works beside a run, too: it touches nothing of the campaign. Where a driver holds the store, it lists the group in
+    the root when it is done; until then `xarray.open_datatree` does not show it, and its own path does.
 
     Parameters
     ----------
@@ -106,8 +108,8 @@ def write_group(
     check_name(name)
     where = normalised(path)
     root = read_root(open_files(path, read_only=True), where)
-    if name.partition("/")[0] in root.metadata:
-        raise StoreError(f"the group {name!r} would fall into one of the campaign's own arrays; use another name")
+    if root.is_own(name):
+        raise StoreError(f"the group {name!r} would fall into one of the campaign's own; use another name")
     for key in arrays:
         if not is_safe(key) or "/" in key:
             raise StoreError(f"array {key!r} of group {name} cannot be stored; a name is made of letters, digits and _")
@@ -120,6 +122,8 @@ def write_group(
     parents = set(parents_of(name))
     known = metadata_of(files, name, list_keys(files)) if replace else None
     old = [] if known is None else known.keys
+    if replace:  # readers of the list would take the arrays that come for those that were
+        list_groups_again(path, but=name)
     copies = {key for key in contents if key.endswith(f"/{COPY_NAME}")}
     # The metadata last, the copy before them: at every instant one of the two says what the group is, the old one or
     # the new, and from that a repair makes it whole. Nothing goes before its replacement is there.
@@ -129,6 +133,7 @@ def write_group(
     for key in old:
         if key not in contents:
             delete_key(files, key)
+    list_groups_again(path)
 
 
 def check_name(name: str) -> None:

@@ -46,7 +46,7 @@ def new_campaign(path, sizes=None, **changes):
 def test_a_new_store_opens_everywhere_with_no_candidate_and_no_warning(tmp_path):
     path = tmp_path / "new.zarr"
     create(path)
-    assert xarray.open_zarr(path).sizes["candidate"] == 0
+    assert xarray.open_zarr(path, group="candidates").sizes["candidate"] == 0
     assert xarray.open_datatree(path, engine="zarr")["finish"].x.shape == (0, 12, 11)
     assert zarr.open_group(path, mode="r")["search/x"].shape == (0, 10, 11)
     campaign = open_campaign(path)
@@ -94,7 +94,9 @@ def test_sizes_are_positive_integers(field, value):
         layout(**{field: value}) if field == "n_pulses" else replace(SEARCH, **{field: value})
 
 
-@pytest.mark.parametrize("name", ["", "Search", "a/b", "..", "runtime", "records", "hyperparameter", "search ", 3])
+@pytest.mark.parametrize(
+    "name", ["", "Search", "a/b", "..", "runtime", "candidates", "population", "prior", "search ", 3]
+)
 def test_a_stages_name_is_a_plain_name(name):
     with pytest.raises(LayoutError, match="a stage is called"):
         replace(SEARCH, name=name)
@@ -265,14 +267,14 @@ def test_a_creation_killed_half_way_leaves_nothing_at_the_path_and_its_remains_a
 
 def test_an_unfinished_creation_at_the_path_itself_is_recognised_and_begun_anew(tmp_path):
     create(tmp_path / "a.zarr")
-    for key in ("zarr.json", "digests/root.json"):  # what an interrupted creation behind a URL leaves
+    for key in ("zarr.json", "candidates/digests/root.json"):  # what an interrupted creation behind a URL leaves
         (tmp_path / "a.zarr" / key).unlink()
     assert store_state(tmp_path / "a.zarr").kind == "unfinished"
     with pytest.raises(StoreMissingError, match="unfinished creation"):
         open_campaign(tmp_path / "a.zarr")
 
 
-@pytest.mark.parametrize("lost", [["zarr.json"], ["zarr.json", "digests/root.json"]])
+@pytest.mark.parametrize("lost", [["zarr.json"], ["zarr.json", "candidates/digests/root.json"]])
 def test_a_missing_root_beside_data_is_damage_and_nothing_is_created_over_it(tmp_path, lost):
     path = tmp_path / "a.zarr"
     create(path)
@@ -283,7 +285,7 @@ def test_a_missing_root_beside_data_is_damage_and_nothing_is_created_over_it(tmp
     for use in (open_campaign, DriverStore, create):
         with pytest.raises(DamageError, match="that file was lost"):
             use(path)
-    assert (path / "records" / "c.0.0").exists()
+    assert (path / "candidates" / "records" / "c.0.0").exists()
 
 
 def test_a_creation_behind_a_url_that_was_killed_is_begun_anew(monkeypatch):
@@ -307,7 +309,7 @@ def test_the_store_of_a_url_is_like_a_local_one():
     best = open_campaign(url).best()
     assert best is not None
     assert best.candidate == 7
-    assert xarray.open_zarr(url).sizes["candidate"] == 8
+    assert xarray.open_zarr(url, group="candidates").sizes["candidate"] == 8
     assert verify(url).ok
 
 

@@ -201,7 +201,7 @@ def test_every_opening_checks_the_blocks_of_the_last_wave(path, key):
 @pytest.mark.parametrize("name", ["records", "words", "surrogate", "digests"])
 def test_a_driver_and_a_reader_refuse_damaged_records(path, name):
     run(path, 4)
-    file = path / name / "c.0.0"
+    file = path / "candidates" / name / "c.0.0"
     intact = file.read_bytes()
     for broken in (intact[:-1], b"", intact[:1] + bytes([intact[1] ^ 4]) + intact[2:]):
         file.write_bytes(broken)
@@ -281,7 +281,7 @@ def test_ill_formed_rows_are_refused_and_nothing_of_their_wave_stays(path, chang
             with pytest.raises(RecordError, match=message):
                 store.commit(spoilt, markers)
         assert store.n_committed == 0
-        assert not (path / "records" / "c.0.0").exists()
+        assert not (path / "candidates" / "records" / "c.0.0").exists()
         store.commit(wave, markers)
         assert set(store.records()) >= {"surrogate.noise", "surrogate.scale"}
         assert sum(name.startswith("surrogate.") for name in store.records()) == 2
@@ -370,7 +370,7 @@ def test_records_of_more_candidates_than_one_chunk_holds(tmp_path, monkeypatch):
     monkeypatch.setattr(small_store, "WAVES", {0: 50, 50: 200, 250: 50})
     run(path, 250)  # the second wave lies in three chunks
     for name in ("records", "words", "surrogate", "digests", "wall_times"):
-        assert sorted(p.name for p in (path / name).glob("c.*")) == ["c.0.0", "c.1.0", "c.2.0"]
+        assert sorted(p.name for p in (path / "candidates" / name).glob("c.*")) == ["c.0.0", "c.1.0", "c.2.0"]
     run(path, 300)
     history = open_campaign(path).history()
     assert_array_equal(history.g_cm_s, [np.nan if i in FAILED else 29.5 if i == 4 else 30.0 - i for i in range(300)])
@@ -386,8 +386,8 @@ def test_of_two_chunks_of_records_the_first_is_written_last(tmp_path, monkeypatc
     monkeypatch.setattr("softclose_store.faults._passages", Counter())
     with pytest.raises(OSError, match="No space left"):
         run(path, 150)
-    assert (path / "digests" / "c.1.0").exists()
-    assert not (path / "digests" / "c.0.0").exists()
+    assert (path / "candidates" / "digests" / "c.1.0").exists()
+    assert not (path / "candidates" / "digests" / "c.0.0").exists()
 
 
 def test_the_ensemble_is_read_back_column_by_column(path):
@@ -420,8 +420,8 @@ def test_a_population_has_the_columns_that_its_layout_says_and_no_others(tmp_pat
     assert campaign.layout.columns == GAINS
     assert [*campaign.population()] == [c.name for c in GAINS]
     assert_array_equal(read_population(path)["celsius"], population["celsius"])
-    assert campaign.dataset()["celsius"].attrs == {"units": "°C", "long_name": "its temperature"}
-    assert not (path / "E").exists()
+    assert campaign.datatree()["population"]["celsius"].attrs == {"units": "°C", "long_name": "its temperature"}
+    assert not (path / "population" / "E").exists()
     for wrong in (population | {"E": population["D"]}, {n: v for n, v in population.items() if n != "gain"}):
         with pytest.raises(LayoutError, match="the population has columns"):
             create_campaign(tmp_path / "b.zarr", layout=sizes, population=wrong, **made)
@@ -431,7 +431,7 @@ def test_a_population_has_the_columns_that_its_layout_says_and_no_others(tmp_pat
             create_campaign(tmp_path / "b.zarr", layout=sizes, population=unknown, **made)
 
 
-@pytest.mark.parametrize("names", [(), ("D", "D"), ("search",), ("records",), ("switch",), ("a b",), ("../x",), (3,)])
+@pytest.mark.parametrize("names", [(), ("D", "D"), ("case",), ("candidate",), ("switch",), ("a b",), ("../x",), (3,)])
 def test_columns_that_cannot_be_are_refused(names):
     with pytest.raises(LayoutError, match="the population has columns"):
         layout(columns=tuple(PopulationColumn(name, "1", "x") for name in names))
@@ -441,7 +441,7 @@ def test_a_durable_store_holds_the_same_bits(path, tmp_path):
     create(tmp_path / "durable.zarr", durable=True)
     run(tmp_path / "durable.zarr")
     run(path)
-    for group in (None, "search", "finish"):
+    for group in ("candidates", "population", "search", "finish"):
         a, b = (xarray.open_zarr(p, group=group).load() for p in (path, tmp_path / "durable.zarr"))
         for name in a.variables:
             if not name.startswith("wall_"):
@@ -471,7 +471,7 @@ def test_a_durable_store_syncs_every_file_and_its_folder_before_the_commit_that_
     renames = [(k, step[1], step[2]) for k, step in enumerate(steps) if step[0] == "rename"]
     commit = max(k for k, _, target in renames if target == f"{path}/zarr.json")
     assert commit == renames[-1][0]  # the root is the last file of a wave
-    assert len(renames) == 6 * 5 + 1 + 5 + 1  # six blocks, the surrogate's names, five tables, the root
+    assert len(renames) == 6 * 5 + 2 + 5 + 1  # six blocks, the surrogate's names and units, five tables, the root
     for k, temporary, target in renames:
         assert ("sync", temporary) in steps[:k], target
         assert ("sync", os.path.dirname(target)) in steps[k + 1 : max(commit, k + 2)], target
@@ -492,8 +492,8 @@ def test_rows_of_a_refused_wave_are_not_written_with_the_next_one(path):
         with pytest.raises(RecordError, match="must be one number"):
             store.commit([*wave[:3], wave[3] | {"g_cm_s": "high"}], markers)
         store.commit(wave[:2], {at: marker for at, marker in markers.items() if at[0] == 0})
-    assert np.isnan(zarr.open_array(path / "records", mode="r")[2:]).all()
-    assert not zarr.open_array(path / "digests", mode="r")[2:].any()
+    assert np.isnan(zarr.open_array(path / "candidates" / "records", mode="r")[2:]).all()
+    assert not zarr.open_array(path / "candidates" / "digests", mode="r")[2:].any()
 
 
 def test_of_a_block_whose_marker_is_half_there_nothing_is_done(path):

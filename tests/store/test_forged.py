@@ -76,7 +76,7 @@ def many_stages(document: dict[str, Any]) -> None:
 
 
 def gzip(document: dict[str, Any]) -> None:
-    codecs = document["consolidated_metadata"]["metadata"]["records"]["codecs"]
+    codecs = document["consolidated_metadata"]["metadata"]["candidates/records"]["codecs"]
     codecs[1] = {"name": "gzip", "configuration": {"level": 9}}
 
 
@@ -107,11 +107,11 @@ FORGED: dict[str, Change] = {
     "many switches": of_stage("n_switches", 90_000_000),
     "a stage outside": of_stage("name", "../../x"),
     "another codec": gzip,
-    "another type": entry("records", "data_type", "float32"),
-    "another size": entry("records", "shape", [10**9, 50]),
-    "another fill value": entry("D", "fill_value", 7.0),
-    "attributes that scale": entry("D", "attributes", {"scale_factor": 2.0}),
-    "a foreign array": lambda d: d["consolidated_metadata"]["metadata"].__setitem__("E9", {}),
+    "another type": entry("candidates/records", "data_type", "float32"),
+    "another size": entry("candidates/records", "shape", [10**9, 50]),
+    "another fill value": entry("population/D", "fill_value", 7.0),
+    "attributes that scale": entry("population/D", "attributes", {"scale_factor": 2.0}),
+    "a foreign array": lambda d: d["consolidated_metadata"]["metadata"].__setitem__("search/E9", {}),
     "no metadata": lambda d: d.pop("consolidated_metadata"),
     "metadata of a list": lambda d: d.__setitem__("consolidated_metadata", []),
     "runs of text": lambda d: d["consolidated_metadata"]["metadata"]["runtime"]["attributes"].__setitem__("runs", "x"),
@@ -155,10 +155,10 @@ def test_more_candidates_than_the_tables_have_files_for_are_believed_by_nobody(s
     schema = json.loads(schema_of(layout)["zarr.json"])
     runtime = document["consolidated_metadata"]["metadata"]["runtime"]["attributes"]
     forged = Root({**schema, "attributes": document["attributes"]}).committed(9_000_000, 100_000, ())
-    for key in ("zarr.json", "digests/root.json"):
+    for key in ("zarr.json", "candidates/digests/root.json"):
         (store / key).write_bytes(forged.with_runtime(runtime).encode())
     before, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.monotonic()
-    with pytest.raises(DamageError, match=r"digests/c.1.0 of .* is missing"):
+    with pytest.raises(DamageError, match=r"candidates/digests/c.1.0 of .* is missing"):
         open_campaign(store).records()
     with pytest.raises(DamageError):
         DriverStore(store)
@@ -171,8 +171,8 @@ def test_more_candidates_than_the_tables_have_files_for_are_believed_by_nobody(s
 def test_a_header_that_claims_more_than_the_array_has_is_refused_before_it_is_unpacked(store: Path) -> None:
     """A Blosc file of 70 bytes can say that it holds two gigabytes; so can one of text."""
     reads: dict[str, Callable[[], Any]] = {
-        "records/c.0.0": lambda: open_campaign(store).records(),
-        "K/c.0": lambda: open_campaign(store).population(),
+        "candidates/records/c.0.0": lambda: open_campaign(store).records(),
+        "population/K/c.0": lambda: open_campaign(store).population(),
         "search/x/c.0.0.0": lambda: open_campaign(store).trajectories(0).x[...],
     }
     for key, read in reads.items():
@@ -207,7 +207,13 @@ def test_text_is_bounded_in_bytes_and_in_number() -> None:
 @pytest.mark.parametrize("open_at", [b"[", b'{"a":'])
 def test_text_nested_deep_anywhere_is_refused(open_at: bytes, store: Path) -> None:
     deep = open_at * 100_000
-    for key in ("zarr.json", "digests/root.json", "runtime/zarr.json", "records/zarr.json", "digests/extension.json"):
+    for key in (
+        "zarr.json",
+        "candidates/digests/root.json",
+        "runtime/zarr.json",
+        "candidates/records/zarr.json",
+        "candidates/digests/extension.json",
+    ):
         intact = (store / key).read_bytes() if (store / key).exists() else None
         (store / key).write_bytes(deep)
         assert not verify(store).ok

@@ -175,9 +175,9 @@ def test_a_service_that_cannot_decide_is_asked_in_two_steps(tmp_path: Path, monk
 
     pipe = files.fs._pipe_file
     monkeypatch.setattr(files.fs, "_pipe_file", lambda *a, **k: unknown() if "mode" in k else pipe(*a, **k))
-    assert create_key(files, "digests/one", b"1")
-    assert not create_key(files, "digests/one", b"2")
-    assert read_key(files, "digests/one") == b"1"
+    assert create_key(files, "candidates/digests/one", b"1")
+    assert not create_key(files, "candidates/digests/one", b"2")
+    assert read_key(files, "candidates/digests/one") == b"1"
 
 
 def test_a_dead_driver_whose_child_holds_on_is_named_so(tmp_path: Path) -> None:

@@ -32,14 +32,14 @@ def path(tmp_path_factory):
 
 
 def test_xarray_alone_labels_the_table_of_records_with_names_units_and_meanings(path):
-    data = xarray.open_zarr(path)
+    data = xarray.open_zarr(path, group="candidates")
     assert data.records.dims == ("candidate", "field")
     assert data.sizes["candidate"] == 7
     assert_array_equal(data.records.sel(field="g_cm_s"), [30, 29, 28, np.nan, 29.5, 25, 24])
     assert_array_equal(data.records.sel(field="wave"), [0, 0, 0, 0, 1, 2, 2])
     assert_array_equal(data.records.sel(field="pulse2_volts"), [80, 80, np.nan, 80, 80, 80, 80])
     wanted = ["g_cm_s", "p_nc", "pulse1_start_us", "pulse1_volts", "p_exceed_19.7"]
-    fields = data.records.sel(field=wanted)
+    fields = data.sel(field=wanted)
     assert list(fields.field_unit.values) == ["cm/s", "1", "µs", "V", "1"]
     assert fields.field_long_name.values[0] == "objective g, Eq. 10"
     assert all(data.field_long_name.values)
@@ -47,7 +47,8 @@ def test_xarray_alone_labels_the_table_of_records_with_names_units_and_meanings(
     assert data.words.sel(word="note").values[1] == "größer"
     assert_array_equal(data.surrogate.sel(hyperparameter="noise"), [np.nan, 0.1, np.nan, 0.1 * 3, np.nan, 0.5, np.nan])
     assert (data.wall_times.sel(wall_time="wall_propose_s") == 0.5).all()
-    assert {name: data[name].attrs["units"] for name in "DGETKM"} == {
+    lot = xarray.open_zarr(path, group="population")
+    assert {name: lot[name].attrs["units"] for name in "DGETKM"} == {
         "D": "µm",
         "G": "µm",
         "E": "GPa",
@@ -55,16 +56,17 @@ def test_xarray_alone_labels_the_table_of_records_with_names_units_and_meanings(
         "K": "N/m",
         "M": "µg",
     }
-    assert all(variable.attrs["long_name"] for variable in data.variables.values())
+    for variable in (*data.variables.values(), *lot.variables.values()):
+        assert variable.attrs["long_name"]
 
 
 def test_xarray_alone_shows_the_stages_as_a_tree_and_one_by_one(path):
     tree = xarray.open_datatree(path, engine="zarr")
-    assert set(tree.children) == {"search", "finish", "runtime"}
+    assert set(tree.children) == {"candidates", "population", "search", "finish", "runtime"}
     for name, n_candidates, n_switches in (("search", 5, 10), ("finish", 2, 12)):
         for data in (tree[name], xarray.open_zarr(path, group=name)):
-            assert data.x.dims == ("stage_candidate", "stage_switch", "time")
-            assert data.impact.dims == ("stage_candidate", "stage_switch", "event", "impact_quantity")
+            assert data.x.dims == ("candidate", "switch", "time")
+            assert data.impact.dims == ("candidate", "switch", "event", "impact_quantity")
             assert data.x.shape == (n_candidates, n_switches, 11)
             assert_array_equal(data.time, np.linspace(0.0, 250.0, 11))
             assert data.response.sel(quantity="settling").shape == (n_candidates, n_switches)
@@ -75,8 +77,8 @@ def test_xarray_alone_shows_the_stages_as_a_tree_and_one_by_one(path):
             assert all(variable.attrs["long_name"] for variable in data.variables.values())
     assert tree["finish"].attrs["first_candidate"] == 5
     expected = block(layout(), "finish", 1, 1)["x"][0]
-    assert_array_equal(tree["finish"].x.isel(stage_candidate=1, stage_switch=slice(6, 12)), expected)
-    assert_array_equal(tree["search"].response.isel(stage_candidate=3).sel(quantity="status"), [-1] * 10)
+    assert_array_equal(tree["finish"].x.isel(candidate=1, switch=slice(6, 12)), expected)
+    assert_array_equal(tree["search"].response.isel(candidate=3).sel(quantity="status"), [-1] * 10)
 
 
 def test_no_array_needs_pickles_or_objects(path):
@@ -193,8 +195,8 @@ def test_a_campaign_shows_an_instant_and_refresh_looks_again(tmp_path):
     assert campaign.stages == {"search": 5, "finish": 2}
     assert [campaign.stage_of(i) for i in (4, 5)] == ["search", "finish"]
     assert campaign.dataset().sizes["candidate"] == 7
-    assert campaign.dataset("finish").sizes["stage_candidate"] == 2
-    assert campaign.datatree()["search"].sizes["stage_candidate"] == 5
+    assert campaign.dataset("finish").sizes["candidate"] == 2
+    assert campaign.datatree()["search"].sizes["candidate"] == 5
     assert "7 of 8" in repr(campaign)
 
 
@@ -205,10 +207,10 @@ def test_uncommitted_candidates_are_invisible_however_much_of_them_is_written(tm
     with DriverStore(path) as store:
         write_wave(store, 4)
         write_wave(store, 5)
-    assert xarray.open_zarr(path).sizes["candidate"] == 4
-    assert xarray.open_zarr(path, group="search").sizes["stage_candidate"] == 4
+    assert xarray.open_zarr(path, group="candidates").sizes["candidate"] == 4
+    assert xarray.open_zarr(path, group="search").sizes["candidate"] == 4
     assert xarray.open_zarr(path, group="search").sizes["block_candidate"] == 2
-    assert xarray.open_datatree(path, engine="zarr")["finish"].sizes["stage_candidate"] == 0
+    assert xarray.open_datatree(path, engine="zarr")["finish"].sizes["candidate"] == 0
     assert zarr.open_group(path, mode="r")["search/x"].shape[0] == 4
     assert open_campaign(path).committed == 4
 
@@ -238,7 +240,7 @@ def test_the_golden_store_of_this_schema_reads_verifies_and_continues(tmp_path):
     assert campaign.best().candidate == 2
     assert campaign.history().note[1] == "größer"
     assert_array_equal(campaign.trajectories(0).x[4:8], block(layout(), "search", 0, 1)["x"][0])
-    assert xarray.open_datatree(path, engine="zarr")["search"].sizes["stage_candidate"] == 5
+    assert xarray.open_datatree(path, engine="zarr")["search"].sizes["candidate"] == 5
     report = verify(path)
     assert report.ok, report.problems
     assert report.n_blocks == 12  # those of the wave in flight, too

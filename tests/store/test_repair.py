@@ -74,18 +74,18 @@ def contents(path):
 
 SINGLE = (
     "zarr.json",
-    "digests/root.json",
+    "candidates/digests/root.json",
     "runtime/zarr.json",
     "search/zarr.json",
     "search/x/zarr.json",
-    "records/zarr.json",
-    "D/c.0",
+    "candidates/records/zarr.json",
+    "population/D/c.0",
     "finish/time/c.0",
-    "field/c.0",
-    "hyperparameter/c.0",
-    "records/c.0.0",
-    "words/c.0.0",
-    "surrogate/c.0.0",
+    "candidates/field/c.0",
+    "candidates/hyperparameter/c.0",
+    "candidates/records/c.0.0",
+    "candidates/words/c.0.0",
+    "candidates/surrogate/c.0.0",
     "search/block_digest/c.1.0.0",
     "search/x/c.2.1.0",
     "finish/response/c.1.1.0",
@@ -110,7 +110,7 @@ def test_any_kind_of_file_is_written_again_as_it_was_and_proved(finished, origin
 
 
 def test_lost_digests_are_computed_again_and_said_to_be_unproved(finished, original):
-    (finished / "digests" / "c.0.0").unlink()
+    (finished / "candidates" / "digests" / "c.0.0").unlink()
     done = repair(finished, recompute())
     assert done.ok
     assert len(done.unproved) == 16  # proposal and record of each candidate
@@ -119,11 +119,13 @@ def test_lost_digests_are_computed_again_and_said_to_be_unproved(finished, origi
 
 def test_one_pass_repairs_everything(finished, original):
     rng = random.Random(3)
-    keys = [*SINGLE, "v", "finish/impact/c.0.0.0.0", "search/block_digest/c.0.1.0", "digests/c.0.0"]
+    keys = [*SINGLE, "v", "finish/impact/c.0.0.0.0", "search/block_digest/c.0.1.0", "candidates/digests/c.0.0"]
     for key in keys:
         if key != "v":
             damage(finished / key, rng.choice(["flip", "truncate", "delete"]), rng)
-    shutil.copy(original / "digests" / "root.json", finished / "digests" / "root.json")  # or nothing says what it is
+    shutil.copy(
+        original / "candidates" / "digests" / "root.json", finished / "candidates" / "digests" / "root.json"
+    )  # or nothing says what it is
     shutil.rmtree(finished / "search" / "v")
     (finished / "zarr.json (copy)").write_bytes(b"?")
     done = repair(finished, recompute())
@@ -134,7 +136,11 @@ def test_one_pass_repairs_everything(finished, original):
 def test_repairs_at_random_give_the_same_store(finished, original):
     rng = random.Random(12)
     for _ in range(4):
-        keys = [k for k in contents(original) if not k.startswith("wall_times/c.") and k != "digests/root.json"]
+        keys = [
+            k
+            for k in contents(original)
+            if not k.startswith("candidates/wall_times/c.") and k != "candidates/digests/root.json"
+        ]
         for key in rng.sample(keys, 12):
             damage(finished / key, rng.choice(["flip", "truncate", "delete", "append"]), rng)
         done = repair(finished, recompute())
@@ -143,7 +149,7 @@ def test_repairs_at_random_give_the_same_store(finished, original):
 
 
 def test_names_of_surrogate_quantities_that_are_lost_with_the_root_come_back(finished, original):
-    for key in ("zarr.json", "hyperparameter/c.0"):
+    for key in ("zarr.json", "candidates/hyperparameter/c.0"):
         (finished / key).write_bytes(b"")
     done = repair(finished, recompute())
     assert done.ok, done.after.problems
@@ -163,7 +169,7 @@ def test_a_folder_in_the_place_of_a_file_is_somebodys_and_kept(finished, origina
 
 
 def test_lost_timings_are_said_to_be_lost(finished, original):
-    (finished / "wall_times" / "c.0.0").unlink()
+    (finished / "candidates" / "wall_times" / "c.0.0").unlink()
     done = repair(finished, recompute())
     assert done.ok
     assert done.unproved == tuple(f"timings of candidate {i} are lost" for i in range(8))
@@ -173,7 +179,7 @@ def test_lost_timings_are_said_to_be_lost(finished, original):
 @pytest.mark.parametrize("lost", [["records"], ["digests"], ["digests", "records"], ["digests", "words", "wall_times"]])
 @pytest.mark.parametrize("fate", ["emptied", "deleted"])
 def test_without_its_root_a_store_still_knows_how_much_was_committed(finished, original, lost, fate):
-    for key in ["zarr.json", *(f"{name}/c.0.0" for name in lost)]:
+    for key in ["zarr.json", *(f"candidates/{name}/c.0.0" for name in lost)]:
         (finished / key).write_bytes(b"") if fate == "emptied" else (finished / key).unlink()
     assert verify(finished).n_committed == 8
     done = repair(finished, recompute())
@@ -189,7 +195,10 @@ def test_without_its_root_a_store_still_knows_how_much_was_committed(finished, o
 def test_without_its_root_and_all_tables_a_store_says_that_it_does_not_know_and_a_resume_finds_the_blocks(
     finished, original, fate
 ):
-    for key in ["zarr.json", *(f"{name}/c.0.0" for name in ("records", "digests", "words", "wall_times", "surrogate"))]:
+    for key in [
+        "zarr.json",
+        *(f"candidates/{name}/c.0.0" for name in ("records", "digests", "words", "wall_times", "surrogate")),
+    ]:
         (finished / key).write_bytes(b"") if fate == "emptied" else (finished / key).unlink()
     assert not verify(finished).ok
     done = repair(finished, recompute())
@@ -275,9 +284,12 @@ def test_a_repair_that_computes_something_else_is_refused_and_changes_nothing(fi
 
     key, wrong = {
         "block": ("search/v/c.0.0.0", other_block),
-        "proposals": ("words/c.0.0", lambda store, start, size: [proposal(i + 1) for i in range(start, start + size)]),
-        "record": ("records/c.0.0", lambda store, i: record(i) | {"p_nc": 0.2}),
-        "population": ("D/c.0", lambda config: population() | {"D": np.ones(12)}),
+        "proposals": (
+            "candidates/words/c.0.0",
+            lambda store, start, size: [proposal(i + 1) for i in range(start, start + size)],
+        ),
+        "record": ("candidates/records/c.0.0", lambda store, i: record(i) | {"p_nc": 0.2}),
+        "population": ("population/D/c.0", lambda config: population() | {"D": np.ones(12)}),
     }[what]
     (finished / key).write_bytes(b"")
     before = contents(finished)
@@ -392,7 +404,7 @@ def test_metadata_of_another_group_are_none_of_a_groups_own(finished, original):
 
 def test_a_root_of_an_earlier_time_is_brought_forward(finished, original):
     content = (finished / "zarr.json").read_bytes()
-    (finished / "zarr.json").write_bytes((finished / "digests" / "root.json").read_bytes())
+    (finished / "zarr.json").write_bytes((finished / "candidates" / "digests" / "root.json").read_bytes())
     (problem,) = verify(finished).problems
     assert "it says 0 waves, the records say 4" in problem.what
     assert repair(finished, recompute()).ok
@@ -403,12 +415,12 @@ def test_the_roots_copy_is_written_again_as_it_was_and_a_kill_as_a_run_begins_is
     from softclose_store.schema.opening import decode_root
     from softclose_store.schema.root import runtime_text
 
-    copy = (finished / "digests" / "root.json").read_bytes()
+    copy = (finished / "candidates" / "digests" / "root.json").read_bytes()
     with DriverStore(finished) as store:
         store.note_run({"host": "there"})
-    (finished / "digests" / "root.json").unlink()
+    (finished / "candidates" / "digests" / "root.json").unlink()
     assert repair(finished, recompute()).ok
-    assert (finished / "digests" / "root.json").read_bytes() == copy
+    assert (finished / "candidates" / "digests" / "root.json").read_bytes() == copy
     ahead = decode_root((finished / "zarr.json").read_bytes(), "").noted({"host": "elsewhere"})
     (finished / "runtime" / "zarr.json").write_bytes(runtime_text(ahead))
     assert verify(finished).ok
@@ -468,7 +480,7 @@ def test_damage_of_every_kind_in_one_store_is_repaired_in_one_go(finished, origi
     for name in ("aaa", "one", "zzz"):
         (finished / f"certification/{name}/speed/c/0").write_bytes(b"\x00")
     (finished / "certification/mmm/zarr.json").unlink()
-    for key in ("search/x/c.2.1.0", "records/c.0.0"):
+    for key in ("search/x/c.2.1.0", "candidates/records/c.0.0"):
         (finished / key).write_bytes(b"\x00")
     done = repair(finished, recompute())
     assert [line.partition(":")[0] for line in done.failed] == ["group certification/aaa", "group certification/zzz"]
@@ -476,7 +488,8 @@ def test_damage_of_every_kind_in_one_store_is_repaired_in_one_go(finished, origi
     for name in ("aaa", "zzz"):
         shutil.rmtree(finished / f"certification/{name}")
     shutil.rmtree(finished / "certification/mmm")
-    assert verify(finished).ok
+    assert {problem.kind for problem in verify(finished).problems} == {"listing"}
+    assert repair(finished, recompute()).ok
     assert contents(finished) == contents(original)
 
 
@@ -494,10 +507,10 @@ def test_a_group_made_again_is_proved_only_where_it_is_the_same(finished):
 def test_digests_of_other_candidates_are_written_again_where_the_values_prove_themselves(finished):
     """Both are whole files: what is computed again says which of the two is foreign."""
     before = contents(finished)
-    file = finished / "digests" / "c.0.0"
-    stored = zarr.open_array(finished / "digests", mode="r+")
+    file = finished / "candidates" / "digests" / "c.0.0"
+    stored = zarr.open_array(finished / "candidates" / "digests", mode="r+")
     stored[...] = np.roll(stored[...], 1, axis=0)
-    assert file.read_bytes() != before["digests/c.0.0"]
+    assert file.read_bytes() != before["candidates/digests/c.0.0"]
     with pytest.raises(DamageError, match="the record of candidate 0 is damaged"):
         open_campaign(finished).records()
     mended = repair(finished, recompute())

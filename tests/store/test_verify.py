@@ -97,7 +97,7 @@ def test_swapped_files_are_found(finished):
         "search/x/c.3.0.0",  # beyond the last block
         "search/x/c.2.2.0",  # beyond the seven switches of the last wave
         "search/x/c.00.0.0",
-        "records/c.1.0",
+        "candidates/records/c.1.0",
         "zarr.json (copy)",
         "notes.txt",
         "mine.partial",
@@ -168,10 +168,10 @@ def test_a_store_that_was_killed_within_its_commit_is_whole(tmp_path, monkeypatc
 
 def test_what_is_damaged_is_said_in_numbers(finished):
     for key, found in (
-        ("records/c.0.0", {"proposal": list(range(8)), "record": list(range(8))}),
-        ("words/c.0.0", {"proposal": list(range(8)), "record": list(range(8))}),
-        ("wall_times/c.0.0", {"timings": list(range(8))}),
-        ("surrogate/c.0.0", {"proposal": list(range(8))}),
+        ("candidates/records/c.0.0", {"proposal": list(range(8)), "record": list(range(8))}),
+        ("candidates/words/c.0.0", {"proposal": list(range(8)), "record": list(range(8))}),
+        ("candidates/wall_times/c.0.0", {"timings": list(range(8))}),
+        ("candidates/surrogate/c.0.0", {"proposal": list(range(8))}),
     ):
         file = finished / key
         content = file.read_bytes()
@@ -252,16 +252,18 @@ def test_a_root_whose_configuration_was_edited_with_its_digest_is_not_the_campai
     (finished / "zarr.json").write_bytes(content)
 
 
-@pytest.mark.parametrize("key", ["digests/c.0.0", "search/x/c.0.0.0", "search/block_digest/c.0.0.0", "D/c.0"])
+@pytest.mark.parametrize(
+    "key", ["candidates/digests/c.0.0", "search/x/c.0.0.0", "search/block_digest/c.0.0.0", "population/D/c.0"]
+)
 def test_other_bytes_in_the_place_of_text_are_refused_before_they_are_taken_for_a_number_of_words(finished, key):
-    for text in ("words/c.0.0", "field/c.0"):
+    for text in ("candidates/words/c.0.0", "candidates/field/c.0"):
         (finished / text).write_bytes((finished / key).read_bytes())
         with pytest.raises(RuntimeError, match="Zstd"):
-            zarr.open_array(finished / text.partition("/")[0], mode="r")[...]
+            zarr.open_array(finished / text.rpartition("/")[0], mode="r")[...]
     assert {p.kind for p in verify(finished).problems} == {"static", "proposal", "record"}
 
 
-@pytest.mark.parametrize("name", ["D", "finish/time", "records", "hyperparameter"])
+@pytest.mark.parametrize("name", ["population/D", "finish/time", "candidates/records", "candidates/hyperparameter"])
 def test_an_array_with_the_metadata_of_a_larger_one_is_not_read_by_it(finished, name):
     before = open_campaign(finished).records()["g_cm_s"]
     document = json.loads((finished / "search" / "x" / "zarr.json").read_bytes())
@@ -273,7 +275,7 @@ def test_an_array_with_the_metadata_of_a_larger_one_is_not_read_by_it(finished, 
         DriverStore(finished)
 
 
-@pytest.mark.parametrize("key", ["D/c.0", "finish/time/c.0", "search/x/zarr.json", "zarr.json"])
+@pytest.mark.parametrize("key", ["population/D/c.0", "finish/time/c.0", "search/x/zarr.json", "zarr.json"])
 def test_damage_is_told_by_the_key_of_the_file_that_is_damaged(finished, key):
     """What repair goes by."""
     (finished / key).write_bytes(b"\x00")
@@ -281,7 +283,7 @@ def test_damage_is_told_by_the_key_of_the_file_that_is_damaged(finished, key):
 
 
 def test_a_store_of_whose_root_nothing_is_left_has_nothing_committed(finished):
-    for key in ("zarr.json", "digests/root.json"):
+    for key in ("zarr.json", "candidates/digests/root.json"):
         (finished / key).write_bytes(b"\x00")
     report = verify(finished)
     assert report.n_committed == 0

@@ -124,7 +124,13 @@ def damaged_group(path: Path) -> None:
 
 def damaged_widely(path: Path) -> None:
     """A table, a block, its marker, the population, an array's metadata; a stray."""
-    for key in ("K/c.0", "records/c.0.0", "search/block_digest/c.0.0.0", "search/x/c.1.0.0", "records/zarr.json"):
+    for key in (
+        "population/K/c.0",
+        "candidates/records/c.0.0",
+        "search/block_digest/c.0.0.0",
+        "search/x/c.1.0.0",
+        "candidates/records/zarr.json",
+    ):
         (path / key).unlink()
     (path / "notes.txt").write_text("mine")
 
@@ -187,7 +193,9 @@ def _kill_within(name: str, case: Case, folder: Path, step: int) -> None:
 
 
 def _of_the_clock(key: str) -> bool:
-    return key in ("zarr.json", "runtime/zarr.json", "digests/root.json") or key.startswith("wall_times/c")
+    return key in ("zarr.json", "runtime/zarr.json", "candidates/digests/root.json") or key.startswith(
+        "candidates/wall_times/c"
+    )
 
 
 @pytest.mark.slow
@@ -221,7 +229,7 @@ def test_a_lock_that_leads_elsewhere_is_not_written_through(certified: Case, tmp
     path = Path(shutil.copytree(certified.whole, tmp_path / "a.zarr"))
     outside = tmp_path / "precious"
     outside.write_text("mine")
-    lock = path / "digests" / "driver.lock"
+    lock = path / "candidates" / "digests" / "driver.lock"
     lock.symlink_to(outside)
     assert any("driver.lock does not belong" in str(p) for p in verify(path).problems)
     with pytest.raises(DamageError, match=r"driver.lock is a link"):

@@ -30,6 +30,8 @@ from stores import differences, files_of
 SEARCH = (*COMPLETE, "explore.budget=0", "finish.budget=0", "campaign.budget=7")
 """Four points of the design, then waves of two of the surrogate, the last cut short."""
 TABLES = ("records", "words", "digests", "surrogate", "wall_times")
+GROWING = ("candidate", "stage", "engine")
+"""What is known of every candidate beforehand."""
 
 
 @pytest.fixture(scope="module", params=[SEARCH, COMPLETE], ids=["search", "descents"])
@@ -54,10 +56,17 @@ def test_an_extension_leaves_what_was_there_and_says_both_budgets(store: Path, f
     finish(store)
     before, after = contents(finished), contents(store)
     changed = {key for key, content in before.items() if after[key] != content}
-    metadata = {"zarr.json", "digests/root.json", "runtime/zarr.json", *(f"{name}/zarr.json" for name in TABLES)}
-    last = {key for key in changed - metadata if key.split("/")[0] in (*TABLES, "hyperparameter")}
+    metadata = {
+        "zarr.json",
+        "candidates/digests/root.json",
+        "runtime/zarr.json",
+        *(f"candidates/{name}/zarr.json" for name in (*TABLES, *GROWING)),
+    }
+    grown = (*TABLES, *GROWING, "hyperparameter")
+    last = {key for key in changed - metadata if key.startswith(tuple(f"candidates/{name}/" for name in grown))}
     assert changed - metadata == last  # blocks, population and names are what they were, byte by byte
-    with xr.open_zarr(store) as ds, xr.open_zarr(finished) as old:
+    groups = [xr.open_zarr(path, group="candidates") for path in (store, finished)]
+    with groups[0] as ds, groups[1] as old:
         assert ds.sizes["candidate"] == n + 5
         for name in ("records", "words", "digests"):
             xr.testing.assert_identical(ds[name].isel(candidate=slice(0, n)), old[name])
@@ -107,7 +116,7 @@ def test_an_extension_that_is_cut_off_is_completed_by_whoever_next_writes(
     keys = []
     monkeypatch.setattr(writing, "write_key", lambda *a: (keys.append(a[1]), write(*a)))
     extend(str(shutil.copytree(finished, tmp_path / "counted.zarr")), n + 5)
-    assert keys[0] == "digests/extension.json"
+    assert keys[0] == "candidates/digests/extension.json"
     for k in range(0, len(keys) + 1, 5):
         left = [k]
 
@@ -143,7 +152,15 @@ def test_an_extension_that_is_cut_off_is_completed_by_whoever_next_writes(
 
 
 @pytest.mark.parametrize(
-    "key", ["K/c.0", "E/c.0", "records/c.0.0", "records/zarr.json", "search/zarr.json", "field/c.0"]
+    "key",
+    [
+        "population/K/c.0",
+        "population/E/c.0",
+        "candidates/records/c.0.0",
+        "candidates/records/zarr.json",
+        "search/zarr.json",
+        "candidates/field/c.0",
+    ],
 )
 def test_an_extension_does_not_swear_to_what_it_cannot_know(key: str, store: Path) -> None:
     (store / key).unlink()
@@ -155,9 +172,9 @@ def test_an_extension_does_not_swear_to_what_it_cannot_know(key: str, store: Pat
 
 def test_a_file_that_describes_no_extension_of_this_campaign_belongs_to_nothing(store: Path, tmp_path: Path) -> None:
     other = make_campaign(tmp_path / "other.zarr", *COARSE, run=False)
-    (store / "digests" / "extension.json").write_bytes((Path(other) / "zarr.json").read_bytes())
+    (store / "candidates" / "digests" / "extension.json").write_bytes((Path(other) / "zarr.json").read_bytes())
     before = open_campaign(store).fingerprint
-    assert [p.key for p in verify(store).problems] == ["digests/extension.json"]
+    assert [p.key for p in verify(store).problems] == ["candidates/digests/extension.json"]
     assert repair(store, recompute()).ok
     assert open_campaign(store).fingerprint == before
 

@@ -76,8 +76,8 @@ def pipe(root: Path) -> None:
 
 
 def pipe_as_lock(root: Path) -> None:
-    (root / "digests" / "driver.lock").unlink(missing_ok=True)
-    os.mkfifo(root / "digests" / "driver.lock")
+    (root / "candidates" / "digests" / "driver.lock").unlink(missing_ok=True)
+    os.mkfifo(root / "candidates" / "digests" / "driver.lock")
 
 
 @pytest.mark.parametrize("spoil", [deep, without_layout, strange_config, pipe, pipe_as_lock, None])

@@ -14,7 +14,7 @@ from softclose.device.status import Status as Status
 from softclose.kernel import dispatch
 from softclose.population.lot import Lot
 from softclose.switch.losses import Losses
-from softclose.switch.plate import OtherAreaError, plate_area_of
+from softclose.switch.plate import V_STICK, OtherAreaError, plate_area_of
 from softclose.switch.reduced_order import ReducedOrder
 from softclose.waveform import MAX_VOLTS, AnyDrive
 
@@ -138,7 +138,7 @@ def simulate(
     max_impacts: int = 0,
     dtype: type[np.float64] | type[np.float32] = np.float64,
     max_volts: float = MAX_VOLTS,
-    v_stick: float = 1e-5,
+    v_stick: float = V_STICK,
     max_steps: int = dispatch.MAX_STEPS,
     losses: Losses | None = None,
     modes: ReducedOrder | None = None,

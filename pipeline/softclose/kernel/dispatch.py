@@ -15,7 +15,7 @@ from softclose.kernel import pieces as drive_pieces
 from softclose.kernel import rk, taylor, two_modes
 from softclose.kernel.bounces import MAX_RETURNS
 from softclose.switch.losses import Losses
-from softclose.switch.plate import EPSILON_0
+from softclose.switch.plate import EPSILON_0, V_STICK
 from softclose.switch.reduced_order import ONE_MODE, ReducedOrder
 from softclose.waveform import AnyDrive, Delivered, Fitted
 from softclose.waveform.flat import flatten_pulses
@@ -70,7 +70,7 @@ def columns(
     plate_area_um2: float,
     restitution: float | FloatArray,
     losses: Losses,
-    v_stick: float = 1e-5,
+    v_stick: float = V_STICK,
     scales: Scales | None = None,
 ) -> FloatArray:
     """(n, 9): `devices`, restitution, per mass the damping rate [1/µs], film [µm³/µs], adhesion [µm/µs²]; v_stick.

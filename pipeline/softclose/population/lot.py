@@ -54,6 +54,7 @@ COLUMNS: dict[str, Column] = {
         Column("gain", "1", "gain of its drive over the nominal one"),
         Column("clock", "1", "period of its generator's clock over the nominal one"),
         Column("celsius", "°C", "its temperature"),
+        Column("replicate", "1", "which of the independent scramblings of the ensemble it is of"),
     )
 }
 """Every column that a lot may have, by name."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from softclose.propose.explore import explore_ladder
 from softclose.propose.extensions import extensions, problem_of
 from softclose.propose.protocol import Engine, EngineError, Problem, Wave, WaveEngine, even_waves, load_engine
+from softclose.settings import CampaignConfig
 
 SEARCH, EXPLORE, FINISH = "search", "explore", "finish"
 """Stages of a campaign, in their order."""
@@ -54,6 +55,15 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
             sizes = _after(whole, extension.begin)
             add(extension.stage, sizes, extension.n_switches, lambda w: max(w - lag + 1, 0))
     return tuple(waves)
+
+
+def engine_of(config: CampaignConfig, stage: str) -> str:
+    """Who proposes the candidates of a stage, by name."""
+    if stage == SEARCH:
+        return config.optimiser.engine
+    if stage == EXPLORE:
+        return "cmaes"
+    return config.finish.method if stage == FINISH else extensions(config)[stage].engine
 
 
 def growing(sizes: list[int], few: int, many: int) -> list[int]:

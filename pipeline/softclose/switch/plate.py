@@ -12,6 +12,8 @@ FloatArray = NDArray[np.float64]
 
 EPSILON_0 = 8.8541878128e-12
 """Permittivity of the gap [F/m]."""
+V_STICK = 1e-5
+"""Speed of a rebound below which a switch whose force presses stays closed [µm/µs]."""
 PLATE_AREA_UM2 = 16700.0
 """Default plate area a [µm²]: the value at which a 100 V step gives the published mean V."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from softclose_store.disk.names import chunk_key
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.read.described import DescribedFiles
-from softclose_store.read.table import ORIGIN, RECORD, Table
+from softclose_store.read.table import DIGESTS_TABLE, ORIGIN, RECORD, Table
 from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
 from softclose_store.schema.layout import Layout
 
@@ -54,7 +54,7 @@ def remains(files: DescribedFiles, layout: Layout, keys: Collection[str]) -> Rem
         n_waves = int(table.number(n - 1, "wave")) + 1
     i_chunk = n // layout.table_chunk
     trusted = n == layout.n_candidates or (
-        chunk_key("digests", i_chunk, 0) in keys and ("digests", i_chunk) not in table.damaged
+        chunk_key(DIGESTS_TABLE, i_chunk, 0) in keys and (DIGESTS_TABLE, i_chunk) not in table.damaged
     )
     if trusted:
         return Remains(n=n, certain=True, n_waves=n_waves, hyperparameters=names)

@@ -21,7 +21,7 @@ from softclose_store.check.committed import remains
 from softclose_store.check.report import BlockOf, Report
 from softclose_store.check.restore import RepairStore
 from softclose_store.check.strays import clear_the_way, set_aside
-from softclose_store.check.verify import PLAIN_GROUP, block_keys, read_backup, verify
+from softclose_store.check.verify import block_keys, read_backup, verify
 from softclose_store.disk.files import (
     StorePath,
     delete_key,
@@ -35,12 +35,20 @@ from softclose_store.disk.lock import LOCK_KEY, DriverLock
 from softclose_store.disk.names import checked_member, is_partial
 from softclose_store.errors import DamageError, StoreError
 from softclose_store.groups import group_problems, metadata_of
+from softclose_store.listing import PLAIN_GROUP, list_groups_again
 from softclose_store.read.arrays import UNREADABLE, described, read_array
 from softclose_store.read.described import DescribedFiles, never
 from softclose_store.schema import digests
 from softclose_store.schema.documents import RuntimeDocument, checked
 from softclose_store.schema.group_metadata import GroupMetadata
-from softclose_store.schema.hierarchy import HYPERPARAMETER, build_hierarchy, metadata_digest, population_columns
+from softclose_store.schema.hierarchy import (
+    HYPERPARAMETER,
+    HYPERPARAMETER_UNIT,
+    build_hierarchy,
+    constants_of,
+    metadata_digest,
+    population_columns,
+)
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import decode_root, write_root
 from softclose_store.schema.root import BACKUP_KEY, ROOT_KEY, RUNTIME_KEY, Root, runtime_text
@@ -152,6 +160,7 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
             _remove_pending(store, report, log)
     _repair_groups(path, recompute, report, log)
     remove_orphans(path)
+    list_groups_again(path)
     return RepairReport(
         proved=tuple(log.proved), unproved=tuple(log.unproved), failed=tuple(log.failed), after=verify(path)
     )
@@ -200,6 +209,7 @@ def _repair_frame(path: StorePath, recompute: Recompute, report: Report, log: _L
         fingerprint=source.fingerprint,
         algorithm=source.algorithm,
         population=population_columns(layout, recompute.population(config)),
+        constants=constants_of(source),
         runtime=_runtime(source),
         durable=bool(attributes["durable"]),
     )
@@ -271,7 +281,7 @@ def _runtime_on_disk(files: Store, source: Root) -> dict[str, Any] | None:
 
 def _static_is_intact(files: DescribedFiles, key: str, expected: Mapping[str, str]) -> bool:
     name = key.rpartition("/")[0]
-    if name == HYPERPARAMETER:
+    if name in (HYPERPARAMETER, HYPERPARAMETER_UNIT):
         return True  # it grows: the driver writes it again from the root
     try:
         return look_at(files.inner, key) is not None and digests.array_sha256(read_array(files, name)) == expected[name]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["root", "schema", "static", "proposal", "record", "timings", "block", "pending", "group", "unknown"]
+Kind = Literal[
+    "root", "schema", "static", "proposal", "record", "timings", "block", "pending", "group", "listing", "unknown"
+]  # fmt: skip
 BlockOf = tuple[str, int, int]
 """(stage, i_block, j_block)."""
 
@@ -17,7 +19,8 @@ class Damage:
     kind: Kind
     """root: identity, layout or commit marker; schema: metadata of an array; static: population or coordinates;
     proposal, record, timings: values of a candidate; block: data of committed candidates; pending: of those that are
-    not committed yet (resuming computes them again); group: a result group; unknown: a file of nothing in the store."""
+    not committed yet (resuming computes them again); group: a result group; listing: what the root lists of them;
+    unknown: a file of nothing in the store."""
     what: str
     """What is wrong, in words."""
     key: str = ""
@@ -49,6 +52,9 @@ class Report:
     """Temporary files that a kill left behind: harmless, `remove_orphans` deletes them."""
     extension: int = 0
     """Candidates that the campaign will have once an extension is complete that was cut off; 0 where none was."""
+
+    unlisted: tuple[str, ...] = ()
+    """Result groups that are whole, and that the root does not list yet: `xarray.open_datatree` does not show them."""
 
     @property
     def ok(self) -> bool:

@@ -16,17 +16,18 @@ from softclose_store.disk.lock import LOCK_KEY
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreMissingError
 from softclose_store.groups import group_problems, parents_of, result_groups
-from softclose_store.read.arrays import UNREADABLE, described, read_array, read_shape
+from softclose_store.listing import PLAIN_GROUP, listing_problems
+from softclose_store.read.arrays import UNREADABLE, chunk_keys, described, read_array
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import DescribedFiles, never
 from softclose_store.read.metadata import is_as_created
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
 from softclose_store.schema import digests
-from softclose_store.schema.fields import N_SURROGATE
+from softclose_store.schema.fields import N_SURROGATE, unit_in
 from softclose_store.schema.hierarchy import (
     HYPERPARAMETER,
+    HYPERPARAMETER_UNIT,
     MARKER,
-    STATIC_CHUNK,
     TABLES,
     metadata_digest,
     schema_of,
@@ -37,9 +38,6 @@ from softclose_store.schema.opening import decode_root, layout_without_times, re
 from softclose_store.schema.root import BACKUP_KEY, EXTENSION_KEY, ROOT_KEY, RUNTIME_KEY, Root, runtime_text
 from softclose_store.schema.texts import read_json
 from softclose_store.write.extend import pending_extension
-
-PLAIN_GROUP = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
-"""Metadata of a group that only holds result groups, such as `certification`."""
 
 OnBlock = Callable[[str, int, int], None]
 
@@ -97,6 +95,7 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
     check = _Check(files, where, on_block, frozenset(keys))
     root = _check_root(check)
     n_committed = 0
+    unlisted: list[str] = []
     if root is not None:
         _expect_extension(check, root)
         read = described(files, root, where, never)
@@ -105,6 +104,10 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
         _check_hyperparameters(check, read, root)
         _check_candidates(check, read, n_committed, layout, len(root.attributes["hyperparameters"]))
         _check_groups(check, root.metadata)
+        wrong, unlisted = listing_problems(files, root)
+        damaged = {problem.group for problem in check.problems}
+        for name in sorted(wrong.keys() - damaged):
+            check.add("listing", wrong[name])
         _check_files(check, keys, layout, n_committed)
     return Report(
         path=where,
@@ -115,6 +118,7 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
         extension=0
         if check.extension is None
         else layout_without_times(check.extension.attributes["layout"]).n_candidates,
+        unlisted=tuple(unlisted),
     )
 
 
@@ -223,7 +227,7 @@ def _check_schema(check: _Check, read: DescribedFiles, root: Root) -> Layout:
         if f"{name}/zarr.json" not in read.documents:
             check.add("root", f"it names {name!r}, which is no array of its layout", key=ROOT_KEY)
             continue
-        parts = {chunk_key(name, i) for i in range(-(-read_shape(read, name)[0] // STATIC_CHUNK))}
+        parts = set(chunk_keys(read, name))
         check.expected |= parts
         for key in sorted(parts - check.keys):
             check.add("static", f"{key} is missing", key=key)
@@ -263,16 +267,17 @@ def _same(content: bytes, expected: bytes) -> bool:
 
 
 def _check_hyperparameters(check: _Check, read: DescribedFiles, root: Root) -> None:
-    key = chunk_key(HYPERPARAMETER, 0)
-    check.expected.add(key)
     names = list(root.attributes["hyperparameters"])
-    try:
-        found = [str(name) for name in read_array(read, HYPERPARAMETER)] if key in check.keys else []
-    except UNREADABLE:
-        found = []
-    # A commit that was killed has written the names that it would have added.
-    if len(found) != N_SURROGATE or found[: len(names)] != names:
-        check.add("static", f"{key} is not what was written", key=key)
+    for array, texts in ((HYPERPARAMETER, names), (HYPERPARAMETER_UNIT, [unit_in(name) for name in names])):
+        key = chunk_key(array, 0)
+        check.expected.add(key)
+        try:
+            found = [str(text) for text in read_array(read, array)] if key in check.keys else []
+        except UNREADABLE:
+            found = []
+        # A commit that was killed has written the names that it would have added.
+        if len(found) != N_SURROGATE or found[: len(texts)] != texts:
+            check.add("static", f"{key} is not what was written", key=key)
 
 
 def _check_candidates(check: _Check, read: DescribedFiles, n: int, layout: Layout, n_names: int) -> None:
@@ -301,14 +306,8 @@ def _check_candidates(check: _Check, read: DescribedFiles, n: int, layout: Layou
 
 
 def _add_lost(check: _Check, table: str, what: str, key: str, i: int) -> None:
-    kinds: dict[str, tuple[Kind, ...]] = {
-        "records": ("proposal", "record"),
-        "words": ("proposal", "record"),
-        "digests": ("proposal", "record"),
-        "surrogate": ("proposal",),
-        "wall_times": ("timings",),
-    }
-    for kind in kinds[table]:
+    kinds: dict[str, tuple[Kind, ...]] = {"surrogate": ("proposal",), "wall_times": ("timings",)}
+    for kind in kinds.get(TABLES[table].name, ("proposal", "record")):
         check.add(kind, what, key=key, candidate=i)
 
 

@@ -12,7 +12,7 @@ import errno
 import os
 import stat
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from softclose_store import faults
@@ -216,13 +216,18 @@ class Below:
             return False
         return (there.st_dev, there.st_ino) == (here.st_dev, here.st_ino)
 
-    def every_key(self) -> list[str]:
-        """Every key, sorted: files, links and whatever else; a folder that is too deep is one key."""
+    def every_key(self, skip: Callable[[str], bool] | None = None) -> list[str]:
+        """Every key, sorted: files, links and whatever else; a folder that is too deep is one key.
+
+        skip: names right below the store that are left out, with everything in them.
+        """
         found: list[str] = []
         pending = [""]
         while pending:
             at = pending.pop()
             for name, is_folder in self.names(at):
+                if skip is not None and not at and skip(name):
+                    continue
                 if is_folder and at.count("/") < MOST_DEEP:
                     pending.append(f"{at}{name}/")
                 else:

@@ -12,7 +12,7 @@ import struct
 import uuid
 import zipfile
 import zlib
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
@@ -23,7 +23,7 @@ from zarr.storage import FsspecStore, ZipStore
 
 from softclose_store.disk.below import MOST_BYTES, Below, parts_of
 from softclose_store.disk.loop import Here, run_here
-from softclose_store.disk.names import PARTIAL, is_chunk_key
+from softclose_store.disk.names import OWN_FOLDER, PARTIAL, is_chunk_key
 from softclose_store.disk.objects import ServiceFiles, Version, is_object_url, open_objects
 from softclose_store.errors import NotPlainError, StoreError
 
@@ -332,17 +332,24 @@ def check_writable(path: StorePath) -> None:
         Or the service's own error, where that fails.
     """
     files = open_files(path, read_only=False)
-    key = f"digests/probe.{uuid.uuid4().hex}{PARTIAL}"
+    key = f"{OWN_FOLDER}/probe.{uuid.uuid4().hex}{PARTIAL}"
     write_key(files, key, b"")
     delete_key(files, key)
 
 
-def list_keys(files: Store) -> list[str]:
-    """Every key of a store, sorted; links are keys like files, and not followed."""
+def list_keys(files: Store, skip: Callable[[str], bool] | None = None) -> list[str]:
+    """Every key of a store, sorted; links are keys like files, and not followed.
+
+    skip: names at the store's root that are not looked into.
+    """
     if isinstance(files, LocalFiles):
-        return files.below.every_key()
+        return files.below.every_key(skip)
 
     async def gather() -> list[str]:
-        return sorted([key async for key in files.list() if not key.endswith("/")])  # folders, in a zip
+        if skip is None:
+            return sorted([key async for key in files.list() if not key.endswith("/")])  # folders, in a zip
+        folders = {name.strip("/") async for name in files.list_dir("")}
+        found = [key for name in folders if not skip(name) async for key in files.list_prefix(f"{name}/")]
+        return sorted(key for key in found if not key.endswith("/"))
 
     return run_here(gather(), files)

@@ -34,12 +34,12 @@ from softclose_store.disk.files import (
     replace_key,
 )
 from softclose_store.disk.lease import Renewal, has_expired, looks_expired
+from softclose_store.disk.names import OWN_FOLDER
 from softclose_store.disk.objects import ServiceFiles
 from softclose_store.disk.processes import boot_id, process_is_alive, process_start
 from softclose_store.errors import LockedError, StoreError
 
-LOCK_KEY = "digests/driver.lock"
-"""Inside an array's folder: Zarr looks for members in groups only, and warns of files that it does not know there."""
+LOCK_KEY = f"{OWN_FOLDER}/driver.lock"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,10 @@ CHUNK_KEY_SEPARATOR = "."
 """Between the indices in a chunk's key: `c.3.0.0`. With zarr's `c/3/0/0` every chunk makes up to three folders an
 array, which cost more than its small files."""
 
+OWN_FOLDER = "candidates/digests"
+"""Where files lie that are no array's. Zarr looks for members in groups only, and warns of files that it does not know
+there; this is the folder of an array."""
+
 PARTIAL = ".partial"
 """Suffix of a file that is being written; a kill leaves it behind, and nothing reads it."""
 

@@ -21,8 +21,8 @@ from softclose_store.disk.names import chunk_key
 from softclose_store.errors import DamageError
 from softclose_store.read.described import DescribedFiles, Needed
 from softclose_store.schema.digests import array_sha256
-from softclose_store.schema.hierarchy import MARKER, STATIC_CHUNK, TABLES, schema_of
-from softclose_store.schema.layout import Layout
+from softclose_store.schema.hierarchy import MARKER, TABLES, schema_of
+from softclose_store.schema.layout import POPULATION, Layout
 from softclose_store.schema.opening import layout_without_times, read_root
 from softclose_store.schema.root import ROOT_KEY, RUNTIME_KEY, Root, runtime_text
 from softclose_store.schema.texts import read_json
@@ -77,10 +77,8 @@ def open_arrays(files: Store, names: Iterable[str]) -> dict[str, zarr.AsyncArray
 
 def read_array(files: DescribedFiles, name: str) -> NDArray[Any]:
     """Read a whole array. Its first dimension's chunks have to be there before anything is allocated for them."""
-    shape = read_shape(files, name)
     if isinstance(files.inner, LocalFiles):
-        for i in range(-(-shape[0] // STATIC_CHUNK)):
-            key = chunk_key(name, i)
+        for key in chunk_keys(files, name):
             if files.inner.below.size(key) is None and files.needed(name, key.rpartition("/")[2]):
                 raise files.damage(key, "is missing")
     return read_whole(files, name)
@@ -96,9 +94,11 @@ def read_whole(files: DescribedFiles, name: str) -> NDArray[Any]:
     return np.asarray(run_here(read(), files))
 
 
-def read_shape(files: DescribedFiles, name: str) -> tuple[int, ...]:
-    """The shape that an array has by the schema."""
-    return tuple(read_json(files.documents[f"{name}/zarr.json"])["shape"])
+def chunk_keys(files: DescribedFiles, name: str) -> list[str]:
+    """Keys of the chunks along the first dimension that an array has by the schema."""
+    document = read_json(files.documents[f"{name}/zarr.json"])
+    step = document["chunk_grid"]["configuration"]["chunk_shape"][0]
+    return [chunk_key(name, i) for i in range(-(-document["shape"][0] // step))]
 
 
 def read_static(files: DescribedFiles, root: Root, name: str) -> NDArray[Any]:
@@ -139,4 +139,5 @@ def read_population(path: StorePath) -> dict[str, NDArray[np.float64]]:
 
 def population_of(files: DescribedFiles, root: Root) -> dict[str, NDArray[np.float64]]:
     """The whole ensemble of the store whose files are given. Raises DamageError."""
-    return {name: read_static(files, root, name) for name, *_ in root.attributes["layout"]["columns"]}
+    names = [name for name, *_ in root.attributes["layout"]["columns"]]
+    return {name: read_static(files, root, f"{POPULATION}/{name}") for name in names}

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose_store.disk.files import StorePath, normalised, open_files
+from softclose_store.disk.files import StorePath, look_at, normalised, open_files
 from softclose_store.errors import StoreError
+from softclose_store.listing import found_groups
 from softclose_store.read.arrays import described, layout_of, read_array, read_static
 from softclose_store.read.checked import CheckedBlocks
 from softclose_store.read.described import DescribedFiles
@@ -19,9 +20,10 @@ from softclose_store.read.labelled import CheckedFiles
 from softclose_store.read.metadata import is_as_created
 from softclose_store.read.rows import LazyRows
 from softclose_store.read.table import Table
-from softclose_store.schema.fields import PARAMETERS, QUANTITIES, limit_texts
-from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
-from softclose_store.schema.layout import Layout
+from softclose_store.schema.fields import PARAMETERS, QUANTITIES, limit_texts, unit_in
+from softclose_store.schema.group_metadata import OWN, decode
+from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, MARKER, TABLES
+from softclose_store.schema.layout import CANDIDATES, POPULATION, Layout
 from softclose_store.schema.opening import read_root
 from softclose_store.schema.root import ROOT_KEY, Root
 
@@ -351,7 +353,7 @@ class Campaign:
 
     def population(self) -> dict[str, FloatArray]:
         """The whole ensemble: every column of the population, (n_switches,) each, by its name."""
-        return {column.name: self._static(column.name).copy() for column in self.layout.columns}
+        return {column.name: self._static(f"{POPULATION}/{column.name}").copy() for column in self.layout.columns}
 
     def switches(self) -> FloatArray:
         """The switches alone: (n_switches, 4), columns D, G, K, M."""
@@ -359,7 +361,7 @@ class Campaign:
         return np.column_stack([population[name] for name in ("D", "G", "K", "M")])
 
     def dataset(self, stage: str | None = None) -> xr.Dataset:
-        """The tables as xarray sees them, lazily.
+        """The tables of candidates as xarray sees them, lazily.
 
         Parameters
         ----------
@@ -372,12 +374,12 @@ class Campaign:
         """
         import xarray
 
-        group = None if stage is None else self.layout.stage(stage).name
+        group = CANDIDATES if stage is None else self.layout.stage(stage).name
         dataset: xr.Dataset = xarray.open_zarr(self._labelled(), group=group, chunks=None)
         return dataset
 
     def datatree(self) -> xr.DataTree:
-        """The whole store as xarray sees it, lazily: the tables, and a group for each stage."""
+        """The whole store as xarray sees it, lazily: the tables, the population, each stage and each result group."""
         import xarray
 
         target: Any = self._labelled()  # xarray says too little of what it takes
@@ -385,16 +387,26 @@ class Campaign:
         return tree
 
     def _labelled(self) -> CheckedFiles:
-        return CheckedFiles(self._files, self._check_chunk)
+        """The files of the campaign and of its result groups as they are now, listed in the root or not yet."""
+        groups = found_groups(self._plain, self._root)
+        for name in self._root.listed.keys() - groups.keys():
+            raise self._files.damage(f"{name}/zarr.json", "is listed in the root, and not there, or damaged")
+        files = described(self._plain, self._root.listing(groups), self.path)
+        expected: dict[str, str] = {}
+        for name, entry in groups.items():
+            own = decode(look_at(self._plain, f"{name}/zarr.json"), name) if OWN in entry["attributes"] else None
+            expected |= {f"{name}/{member}": digest for member, digest in (own.files if own else {}).items()}
+        return CheckedFiles(files, self._check_chunk, expected)
 
     def _check_chunk(self, name: str, chunk: str) -> bool:
         """Whether a chunk is in use; raises DamageError where it is not what was written."""
         stage, _, last = name.rpartition("/")
         if name in TABLES:
             self._table()
-        elif name == HYPERPARAMETER:
+        elif name in (HYPERPARAMETER, HYPERPARAMETER_UNIT):
             names = list(self._root.attributes["hyperparameters"])
-            if [str(text) for text in read_array(self._files, name)][: len(names)] != names:
+            texts = names if name == HYPERPARAMETER else [unit_in(text) for text in names]
+            if [str(text) for text in read_array(self._files, name)][: len(names)] != texts:
                 raise self._files.damage(f"{name}/{chunk}", "is not what was written")
         elif last in self.layout.block_arrays or last == MARKER.name:
             i, j = (int(index) for index in chunk.split(".")[1:3])

@@ -26,14 +26,15 @@ from softclose_store.schema.fields import (
     Field,
 )
 from softclose_store.schema.hierarchy import TABLES
-from softclose_store.schema.layout import Layout, StageLayout
+from softclose_store.schema.layout import CANDIDATES, Layout, StageLayout
 
 ORIGIN, NOTE, FAILURE = range(len(WORDS))
 """Columns of `words`."""
 PROPOSAL, MARKERS, RECORD = range(len(DIGESTS))
 """Columns of `digests`."""
-DIGESTS_TABLE = "digests"
+DIGESTS_TABLE = f"{CANDIDATES}/digests"
 """The table that a commit writes last."""
+WALL_TABLE = f"{CANDIDATES}/wall_times"
 N_WALL = len(WALL) - 1
 """Timings proper: the last column is their check."""
 
@@ -63,10 +64,12 @@ class Table:
             return
         step = self.layout.table_chunk
         more = min(-(-max(n, 2 * have) // step) * step, self.layout.n_candidates) - have
-        for name in TABLES:
-            values: NDArray[Any] = getattr(self, name)
+        for spec in TABLES.values():
+            values: NDArray[Any] = getattr(self, spec.name)
             fill = {"T": "", "u": 0}.get(values.dtype.kind, np.nan)
-            setattr(self, name, np.concatenate([values, np.full((more, values.shape[1]), fill, dtype=values.dtype)]))
+            setattr(
+                self, spec.name, np.concatenate([values, np.full((more, values.shape[1]), fill, dtype=values.dtype)])
+            )
 
     def rows(self, i_chunk: int) -> slice:
         """Candidates of one chunk."""
@@ -89,7 +92,7 @@ class Table:
     def _load_table(
         self, files: DescribedFiles, name: str, array: zarr.AsyncArray[Any], n: int, tolerate_damage: bool
     ) -> None:
-        values: NDArray[Any] = getattr(self, name)
+        values: NDArray[Any] = getattr(self, TABLES[name].name)
 
         def read(rows: slice) -> None:
             values[rows] = run_here(array.getitem((rows, slice(None))), files)
@@ -119,13 +122,13 @@ class Table:
         for i, (proposal, _, record) in enumerate(digests.tolist()):
             if proposal != self.proposal_digest(i) or record != self.record_digest(i):
                 *rest, last = (
-                    chunk_key(name, i // self.layout.table_chunk, 0) for name in TABLES if name != "wall_times"
+                    chunk_key(name, i // self.layout.table_chunk, 0) for name in TABLES if name != WALL_TABLE
                 )
                 raise files.damage(
                     f"{', '.join(rest)} or {last}", f"is not what was written: the record of candidate {i} is damaged"
                 )
             if self.wall_times[i, N_WALL] != self.wall_check(i):
-                key = chunk_key("wall_times", i // self.layout.table_chunk, 0)
+                key = chunk_key(WALL_TABLE, i // self.layout.table_chunk, 0)
                 raise files.damage(key, f"is not what was written: the timings of candidate {i} are damaged")
 
     def waves_beyond(self, files: DescribedFiles, n: int) -> int:
@@ -145,7 +148,8 @@ class Table:
             if not written:
                 return 0
             for name in ("records", "words"):
-                getattr(beyond, name)[rows] = run_here(arrays[name].getitem((rows, slice(None))), files)
+                array = arrays[f"{CANDIDATES}/{name}"]
+                getattr(beyond, name)[rows] = run_here(array.getitem((rows, slice(None))), files)
         except UNREADABLE:  # nothing of these rows is committed: they may be in any state
             return 0
         whole = [i for i in written if int(beyond.digests[i, RECORD]) == beyond.record_digest(i)]
@@ -180,8 +184,13 @@ class Table:
 
     def waveform(self, i: int) -> NDArray[np.float64]:
         """Pulses of candidate i: (n_pulse, 4)."""
-        rows = self.records[i, : self.layout.n_proposal_fields - 1].reshape(-1, len(PARAMETERS))
+        rows = self.records[i, : self.layout.n_pulses * len(PARAMETERS)].reshape(-1, len(PARAMETERS))
         return rows[~np.isnan(rows).all(axis=1)].copy()
+
+    def design(self, i: int) -> NDArray[np.float64]:
+        """Nominal values of candidate i, in the layout's order: (n_design,), NaN for the population's own."""
+        at = self.layout.n_pulses * len(PARAMETERS)
+        return self.records[i, at : at + len(self.layout.designs)].copy()
 
     def number(self, i: int, name: str) -> float:
         """One number of candidate i."""
@@ -204,20 +213,27 @@ class Table:
         candidates = stage.candidates(i_block)
         indices = range(first + candidates.start, first + candidates.stop)
         n_switches = self.n_switches(indices[0])
-        return proposals_digest([self.waveform(i) for i in indices], n_switches, indices[0]), n_switches
+        designs = [self.design(i) for i in indices] if self.layout.designs else None
+        return proposals_digest([self.waveform(i) for i in indices], n_switches, indices[0], designs), n_switches
 
     def columns(self, n: int, hyperparameters: list[str]) -> dict[str, NDArray[Any]]:
         """Every value of the first n candidates by name, (n, …) each, copies."""
         layout, records = self.layout, self.records[:n]
-        n_pulse_fields = layout.n_proposal_fields - 1
+        at = layout.n_pulses * len(PARAMETERS)
         columns: dict[str, NDArray[Any]] = {
-            "waveform": records[:, :n_pulse_fields].reshape(n, layout.n_pulses, len(PARAMETERS)).copy(),
-            "n_switches": _typed("int", records[:, n_pulse_fields]),
+            "waveform": records[:, :at].reshape(n, layout.n_pulses, len(PARAMETERS)).copy(),
+            **{
+                field.name: _typed(field.type, records[:, at + k])
+                for k, field in enumerate(layout.fields[at:])
+                if at + k < layout.n_proposal_fields
+            },
+            "stage": layout.of_stages("name")[:n],
+            "engine": layout.of_stages("engine")[:n],
             "origin": self.words[:n, ORIGIN].copy(),
             "note": self.words[:n, NOTE].copy(),
-            "wave": _typed("int", records[:, n_pulse_fields + 1]),
+            "wave": _typed("int", records[:, layout.n_proposal_fields]),
         }
-        at = n_pulse_fields + 2
+        at = layout.n_proposal_fields + 1
         for field in RESULTS:
             width = len(layout.limits_cm_s) if field.per_limit else 1
             values = _typed(field.type, records[:, at : at + width])

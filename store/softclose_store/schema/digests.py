@@ -67,7 +67,9 @@ def block_digest(stage: str, name: str, i_block: int, j_block: int, proposals: i
     return digest.value
 
 
-def proposals_digest(waveforms: Iterable[ArrayLike], n_switches: int, start: int) -> int:
+def proposals_digest(
+    waveforms: Iterable[ArrayLike], n_switches: int, start: int, designs: Iterable[ArrayLike] | None = None
+) -> int:
     """Digest of what the candidates of one row of blocks are simulated with.
 
     Parameters
@@ -78,12 +80,17 @@ def proposals_digest(waveforms: Iterable[ArrayLike], n_switches: int, start: int
         Size of their ensemble.
     start : int
         Campaign-wide index of the first of them.
+    designs : iterable of (n_design,) array-like, optional
+        Nominal values of each, NaN for the population's own, where candidates have such.
     """
     parts = []
     for waveform in waveforms:
         rows = np.atleast_2d(np.asarray(waveform, dtype="<f8"))
         parts.append(np.ascontiguousarray(rows[~np.isnan(rows).all(axis=1)]).tobytes())
-    return keyed_digest(f"proposals|{start}|{len(parts)}|{n_switches}", parts)
+    n = len(parts)
+    if designs is not None:
+        parts += [np.asarray(design, dtype="<f8").tobytes() for design in designs]
+    return keyed_digest(f"proposals|{start}|{n}|{n_switches}", parts)
 
 
 def assessed_digest(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError, model_validator
 
 from softclose_store.schema.fields import N_SURROGATE, SCHEMA_VERSION
 
@@ -27,8 +27,12 @@ MOST_DECODED = 2**28
 Text = Annotated[str, StringConstraints(max_length=10_000)]
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Key = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$", max_length=400)]
-Column = Annotated[list[Annotated[str, StringConstraints(max_length=200)]], Field(min_length=3, max_length=3)]
-"""Name, unit and meaning of a column of the population."""
+Name = Annotated[str, StringConstraints(max_length=200)]
+Column = Annotated[list[Name], Field(min_length=3, max_length=3)]
+"""Name, unit and meaning of a column of the population, or of a candidate's design."""
+CaseValues = Annotated[list[float], Field(min_length=1, max_length=1_000)]
+Case = Annotated[tuple[Name, Name, Name, CaseValues], Strict(False)]
+"""Name, unit, meaning and values, one a case, of what tells cases apart. JSON knows lists only."""
 Json = dict[str, Any]
 
 D = TypeVar("D", bound="Document")
@@ -54,6 +58,7 @@ class StageDocument(Document):
     n_switches: Annotated[int, Field(ge=1, le=MOST_SWITCHES)]
     block_candidates: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)]
     block_switches: Annotated[int, Field(ge=1, le=MOST_SWITCHES)]
+    engine: Name
 
 
 class LayoutDocument(Document):
@@ -65,7 +70,18 @@ class LayoutDocument(Document):
     n_pulses: Annotated[int, Field(ge=1, le=1_000)]
     limits_cm_s: Annotated[list[float], Field(max_length=1_000)]
     columns: Annotated[list[Column], Field(min_length=1, max_length=MOST_COLUMNS)]
+    designs: Annotated[list[Column], Field(max_length=MOST_COLUMNS)]
+    cases: Annotated[list[Case], Field(max_length=MOST_COLUMNS)]
+    n_modes: Annotated[int, Field(ge=1, le=1_000)]
     table_chunk: Annotated[int, Field(ge=1, le=MOST_TABLE_CHUNK)] | None = None
+
+
+class ConstantDocument(Document):
+    """A number that every switch shares."""
+
+    value: float
+    units: Text
+    long_name: Text
 
 
 class RunDocument(OpenDocument):
@@ -96,6 +112,7 @@ class AttributesDocument(Document):
     fingerprint: Digest
     algorithm: Text
     config: Json
+    constants: Annotated[dict[Text, ConstantDocument], Field(max_length=100)]
     layout: LayoutDocument
     durable: bool
     static_digests: Annotated[dict[Key, Digest], Field(max_length=10 * MOST_STAGES)]
@@ -146,6 +163,14 @@ class GroupDocument(OpenDocument):
     zarr_format: Literal[3]
     node_type: Literal["group"]
     attributes: GroupAttributes
+
+
+class ListedDocument(OpenDocument):
+    """Metadata of a result group, or of a group that such lie in, as the root lists them."""
+
+    zarr_format: Literal[3]
+    node_type: Literal["group"]
+    attributes: Json
 
 
 class ChunkShape(Document):

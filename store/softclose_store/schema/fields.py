@@ -34,6 +34,32 @@ class PopulationColumn:
     """What it is, in words."""
 
 
+@dataclass(frozen=True, slots=True)
+class CaseColumn:
+    """What tells the cases apart in which every switch is simulated, such as its temperature."""
+
+    name: str
+    """Its array's name."""
+    unit: str
+    """Its unit; "1" where there is none."""
+    long_name: str
+    """What it is, in words."""
+    values: tuple[float, ...]
+    """One a case."""
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A number that every switch of a campaign shares."""
+
+    value: float
+    """The number."""
+    unit: str
+    """Its unit; "1" where there is none."""
+    long_name: str
+    """What it is, in words."""
+
+
 PLATE: tuple[PopulationColumn, ...] = (
     PopulationColumn("D", "µm", "travel to contact"),
     PopulationColumn("G", "µm", "electrostatic gap"),
@@ -95,6 +121,11 @@ def _speed_fields(name: str, meaning: str) -> list[Field]:
 N_SWITCHES = Field(
     name="n_switches", type="int", long_name="switches that the candidate is evaluated on", part="proposal"
 )
+PROPOSALS: tuple[Field, ...] = (N_SWITCHES,)
+"""Numbers that a proposal says beyond its waveform and design: a further one is one line here."""
+DESIGN_PREFIX = "design_"
+"""Fields of `records` that hold a nominal value which the search may change begin with this."""
+
 WAVE = Field(name="wave", type="int", long_name="wave in which the candidate was proposed, counted from 0")
 
 RESULTS: tuple[Field, ...] = (
@@ -141,7 +172,7 @@ WALL: tuple[Field, ...] = (
 )
 """Timings: the only values that two runs of one campaign do not share."""
 
-RECORDED: tuple[Field, ...] = (N_SWITCHES, WAVE, *RESULTS, *WORDS, *WALL)
+RECORDED: tuple[Field, ...] = (*PROPOSALS, WAVE, *RESULTS, *WORDS, *WALL)
 """Every value of a candidate that is one number or one text."""
 
 DIGESTS = ("proposal", "markers", "record")
@@ -169,8 +200,21 @@ SURROGATE_PREFIX = "surrogate."
 """Columns of `records()` and `history()` that say what a proposal's surrogate predicted begin with this."""
 
 
-def number_fields(n_pulses: int, limits_cm_s: Sequence[float]) -> tuple[Field, ...]:
-    """Columns of the table of records, in order: the proposal's first, one for each pulse parameter and each limit."""
+_UNITS = {"_cm_s": "cm/s", "_us": "µs", "_s": "s", "_V": "V", "_um": "µm"}
+
+
+def unit_in(name: str) -> str:
+    """The unit that a name ends with, as every name of a surrogate's quantity that has one does; "1" for others."""
+    return next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "1")
+
+
+def number_fields(
+    n_pulses: int, limits_cm_s: Sequence[float], designs: Sequence[PopulationColumn] = ()
+) -> tuple[Field, ...]:
+    """Columns of the table of records, in order: the proposal's first, one for each pulse parameter and each limit.
+
+    designs: nominal values that the search may change.
+    """
     pulses = [
         Field(
             name=f"pulse{k}_{name}", unit=unit, long_name=f"{meaning} of pulse {k}; NaN: no such pulse", part="proposal"
@@ -185,7 +229,14 @@ def number_fields(n_pulses: int, limits_cm_s: Sequence[float]) -> tuple[Field, .
         for field in RESULTS
         for text in (limit_texts(limits_cm_s) if field.per_limit else [""])
     ]
-    return (*pulses, N_SWITCHES, WAVE, *results)
+    nominal = [
+        Field(
+            name=f"{DESIGN_PREFIX}{d.name}", unit=d.unit, long_name=f"nominal {d.long_name}; NaN: the population's own",
+            part="proposal",
+        )
+        for d in designs
+    ]  # fmt: skip
+    return (*pulses, *nominal, *PROPOSALS, WAVE, *results)
 
 
 def limit_texts(limits_cm_s: Sequence[float]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -28,11 +28,13 @@ from softclose_store.schema.fields import (
     SCHEMA_VERSION,
     WALL,
     WORDS,
+    Constant,
     Field,
 )
-from softclose_store.schema.layout import Layout, StageLayout
+from softclose_store.schema.layout import CANDIDATES, CASE_PREFIX, POPULATION, RUNTIME, Layout, StageLayout
 from softclose_store.schema.root import (
     BACKUP_KEY,
+    HYPERPARAMETERS,
     KIND,
     ROOT_KEY,
     RUNTIME_KEY,
@@ -45,6 +47,10 @@ KEYS: Any = {"name": "default", "separator": CHUNK_KEY_SEPARATOR}
 
 STATIC_CHUNK = 65_536
 """Rows in one chunk of a population array."""
+
+CANDIDATE_CHUNK = 4_096
+"""Rows in one chunk of what is known of every candidate beforehand: always as many, so that an extension, which has
+more candidates, changes nothing of what is read of those that there were."""
 
 Role = Literal["static", "table", "block", "marker"]
 
@@ -72,30 +78,51 @@ def _spec(role: Role, name: str, dims: str, dtype: str, unit: str, long_name: st
 
 
 TABLES = {
-    s.name: s
+    f"{CANDIDATES}/{s.name}": s
     for s in (
-        _spec("table", "surrogate", "candidate hyperparameter", "f8", "1", "what the proposal's surrogate believed"),
+        _spec(
+            "table",
+            "surrogate",
+            "candidate hyperparameter",
+            "f8",
+            "see hyperparameter_unit",
+            "what the proposal's surrogate believed",
+        ),
         _spec("table", "words", "candidate word", "str", "1", "what is said of a candidate in words"),
-        _spec("table", "wall_times", "candidate wall_time", "f8", "s", "timings, which two runs do not share"),
+        _spec(
+            "table",
+            "wall_times",
+            "candidate wall_time",
+            "f8",
+            "see wall_time_unit",
+            "timings, which two runs do not share",
+        ),
         _spec("table", "records", "candidate field", "f8", "see field_unit", "waveform, objective, intervals …"),
         _spec("table", "digests", "candidate digest", "u8", "1", "xxh3 of what is stored of a candidate; 0: nothing"),
     )
 }
-"""Tables at the root, one row a candidate, in the order in which a commit writes them."""
+"""Tables, one row a candidate, by their names from the root, in the order in which a commit writes them."""
 
-_CST = "stage_candidate stage_switch"
-BLOCK_SPECS = {
-    s.name: s
-    for s in (
-        _spec("block", "response", f"{_CST} quantity", "f8", "see quantity_unit", "what is kept of a switch"),
-        _spec(
-            "block", "impact", f"{_CST} event impact_quantity", "f8", "µs, µm/µs", "time and speed of the first impacts"
-        ),
-        _spec("block", "x", f"{_CST} time", "f4", "µm", "travel x(t)"),
-        _spec("block", "v", f"{_CST} time", "f4", "µm/µs", "velocity v(t)"),
+_EACH = "candidate switch"
+_PLAIN = (
+    _spec("block", "response", f"{_EACH} quantity", "f8", "see quantity_unit", "what is kept of a switch"),
+    _spec("block", "impact", f"{_EACH} event impact_quantity", "f8", "see impact_quantity_unit", "the first impacts"),
+    _spec("block", "x", f"{_EACH} time", "f4", "µm", "travel x(t)"),
+    _spec("block", "v", f"{_EACH} time", "f4", "µm/µs", "velocity v(t)"),
+    _spec("block", "mode_x", f"{_EACH} mode time", "f4", "µm", "part of each further mode in the travel"),
+    _spec("block", "mode_v", f"{_EACH} mode time", "f4", "µm/µs", "part of each further mode in the velocity"),
+)
+BLOCK_SPECS = {s.name: s for s in _PLAIN} | {
+    f"{CASE_PREFIX}{s.name}": replace(
+        s,
+        name=f"{CASE_PREFIX}{s.name}",
+        dims=("candidate", "switch", "case", *s.dims[2:]),
+        long_name=f"{s.long_name}, in each case",
     )
+    for s in _PLAIN
 }
-"""Arrays of a stage that workers write, one chunk a block."""
+"""Arrays of a stage that workers write, one chunk a block. `mode_…` are there where switches have several modes,
+`case_…` where they are simulated in several cases: those without prefix hold what counts of a switch."""
 
 MARKER = _spec(
     "marker", "block_digest", "block_candidate block_switch marker", "u8", "1", "xxh3 of each block; 0: not written"
@@ -115,36 +142,96 @@ class Static:
     """Unit."""
     long_name: str
     """What it is, in words."""
+    grows: bool = False
+    """Whether an extension adds to it."""
 
 
-def static_arrays(layout: Layout, population: Mapping[str, NDArray[np.float64]]) -> dict[str, Static]:
-    """Every static array of a store, by its name from the root."""
-    arrays = {
-        c.name: Static(dims=("switch",), values=population[c.name], unit=c.unit, long_name=c.long_name)
+def static_arrays(layout: Layout, population: Mapping[str, NDArray[np.float64]] | None) -> dict[str, Static]:
+    """Every static array of a store, by its name from the root.
+
+    population: None for arrays of the right types and sizes, of which those of a campaign's own sizes take no memory.
+    """
+    is_filled = population is not None
+    columns = population or dict.fromkeys([c.name for c in layout.columns], _blank(np.float64(0.0), layout.n_switches))
+    whole = {
+        c.name: Static(dims=("switch",), values=columns[c.name], unit=c.unit, long_name=c.long_name)
         for c in layout.columns
-    }
-    fields = layout.fields
-    arrays |= {
-        "field": _names("field", fields, "columns of records"),
-        "field_unit": _texts("field", [f.unit for f in fields], "units of the columns of records"),
-        "field_long_name": _texts("field", [f.long_name for f in fields], "meanings of the columns of records"),
+    } | {"switch": _count("switch", 0, layout.n_switches, is_filled)}
+    tables = {
+        **_labels("field", layout.fields, "records"),
         "word": _names("word", WORDS, "columns of words"),
         "digest": _texts("digest", DIGESTS, "what a digest is of"),
-        "wall_time": _names("wall_time", WALL, "columns of wall_times"),
+        **{name: s for name, s in _labels("wall_time", WALL, "wall_times").items() if name != "wall_time_long_name"},
+        "candidate": replace(_count("candidate", 0, layout.n_candidates, is_filled), grows=True),
+        "stage": _of_stages(layout, is_filled, "name", "stage of the candidate: its group"),
+        "engine": _of_stages(layout, is_filled, "engine", "engine of that stage"),
     }
+    arrays = {f"{POPULATION}/{name}": static for name, static in whole.items()}
+    arrays |= {f"{CANDIDATES}/{name}": static for name, static in tables.items()}
     for stage in layout.stages:
-        stage_arrays = {
-            "quantity": _names("quantity", QUANTITIES, "columns of response"),
-            "quantity_unit": _texts("quantity", [q.unit for q in QUANTITIES], "units of the columns of response"),
-        }
-        if layout.max_impacts:
-            stage_arrays["impact_quantity"] = _names("impact_quantity", IMPACT_QUANTITIES, "columns of impact")
-        if layout.times_us.size:
-            stage_arrays["time"] = Static(
-                dims=("time",), values=layout.times_us, unit="µs", long_name="time since the first pulse starts"
-            )
-        arrays |= {f"{stage.name}/{name}": static for name, static in stage_arrays.items()}
+        arrays |= {f"{stage.name}/{name}": s for name, s in _stage_statics(layout, stage, is_filled).items()}
     return arrays
+
+
+def growing_arrays(layout: Layout) -> frozenset[str]:
+    """Static arrays to which an extension adds: what they say of the candidates before it stays."""
+    return frozenset(name for name, static in static_arrays(layout, None).items() if static.grows)
+
+
+def _stage_statics(layout: Layout, stage: StageLayout, is_filled: bool) -> dict[str, Static]:
+    """The coordinates of a stage: its switches and candidates are counted as in the whole campaign."""
+    arrays = {
+        "candidate": _count("candidate", layout.first(stage.name), stage.n_candidates, is_filled),
+        "switch": _count("switch", 0, stage.n_switches, is_filled),
+        "quantity": _names("quantity", QUANTITIES, "columns of response"),
+        "quantity_unit": _texts("quantity", [q.unit for q in QUANTITIES], "units of the columns of response"),
+        "marker": _texts("marker", layout.marker_names, "what a block's digest is of"),
+    }
+    if layout.max_impacts:
+        units = [q.unit for q in IMPACT_QUANTITIES]
+        arrays["impact_quantity"] = _names("impact_quantity", IMPACT_QUANTITIES, "columns of impact")
+        arrays["impact_quantity_unit"] = _texts("impact_quantity", units, "units of the columns of impact")
+    if layout.times_us.size:
+        arrays["time"] = Static(
+            dims=("time",), values=layout.times_us, unit="µs", long_name="time since the first pulse starts"
+        )
+        if layout.n_modes > 1:
+            arrays["mode"] = _count("mode", 2, layout.n_modes - 1, True)
+    if layout.n_cases > 1:
+        arrays["case"] = _count("case", 0, layout.n_cases, True)
+        arrays |= {
+            c.name: Static(dims=("case",), values=np.array(c.values, dtype=float), unit=c.unit, long_name=c.long_name)
+            for c in layout.cases
+        }
+    return arrays
+
+
+def _blank(value: Any, n: int) -> NDArray[Any]:
+    """n times one value that is there once: the sizes of a layout may come out of a store that somebody made up."""
+    return np.broadcast_to(value, n)
+
+
+def _count(dim: str, first: int, n: int, is_filled: bool) -> Static:
+    values = np.arange(first, first + n) if is_filled else _blank(np.int64(0), n)
+    return Static(dims=(dim,), values=values, long_name=f"index of the {dim}")
+
+
+def _of_stages(layout: Layout, is_filled: bool, attribute: str, long_name: str) -> Static:
+    """A text of its stage for each candidate."""
+    if is_filled:
+        values = layout.of_stages(attribute)
+    else:
+        values = _blank(np.array("", dtype=np.dtypes.StringDType()), layout.n_candidates)
+    return Static(dims=("candidate",), values=values, long_name=long_name, grows=True)
+
+
+def _labels(dim: str, fields: Sequence[Field], table: str) -> dict[str, Static]:
+    """Names, units and meanings of the columns of a table."""
+    return {
+        dim: _names(dim, fields, f"columns of {table}"),
+        f"{dim}_unit": _texts(dim, [f.unit for f in fields], f"units of the columns of {table}"),
+        f"{dim}_long_name": _texts(dim, [f.long_name for f in fields], f"meanings of the columns of {table}"),
+    }
 
 
 def _texts(dim: str, texts: Sequence[str], long_name: str) -> Static:
@@ -195,6 +282,7 @@ def build_hierarchy(
     fingerprint: str,
     algorithm: str,
     population: Mapping[str, NDArray[np.float64]],
+    constants: Mapping[str, Constant],
     runtime: Mapping[str, Any],
     durable: bool,
 ) -> dict[str, bytes]:
@@ -208,6 +296,9 @@ def build_hierarchy(
         "fingerprint": fingerprint,
         "algorithm": algorithm,
         "config": dict(config),
+        "constants": {
+            name: {"value": c.value, "units": c.unit, "long_name": c.long_name} for name, c in constants.items()
+        },
         "layout": layout.to_dict(),
         "durable": durable,
         "static_digests": {name: digests.array_sha256(static.values) for name, static in statics.items()},
@@ -217,6 +308,12 @@ def build_hierarchy(
     contents[ROOT_KEY] = contents[BACKUP_KEY] = root.committed(0, 0, ()).encode()
     contents[RUNTIME_KEY] = runtime_text(root)
     return contents
+
+
+def constants_of(root: Root) -> dict[str, Constant]:
+    """The constants that a root says."""
+    said = root.attributes["constants"]
+    return {name: Constant(c["value"], c["units"], c["long_name"]) for name, c in said.items()}
 
 
 def schema_of(layout: Layout) -> dict[str, bytes]:
@@ -231,24 +328,27 @@ def schema_of(layout: Layout) -> dict[str, bytes]:
 def _schema(sizes: str) -> Mapping[str, bytes]:
     data = json.loads(sizes)
     layout = Layout.from_dict(data, np.arange(float(data["n_times"])))
-    nothing = np.broadcast_to(np.float64(0.0), layout.n_switches)
     buffers: dict[str, Buffer] = {}
     memory = MemoryStore(buffers)
 
     async def create() -> None:
         group = await create_group(store=memory)
+        for name in (CANDIDATES, POPULATION, RUNTIME):
+            await group.create_group(name)
         for stage in layout.stages:
-            attributes = {"first_candidate": layout.first(stage.name), "n_candidates": stage.n_candidates}
+            attributes = {
+                "first_candidate": layout.first(stage.name),
+                "n_candidates": stage.n_candidates,
+                "engine": stage.engine,
+            }
             await group.create_group(stage.name, attributes=attributes)
-        for name, static in static_arrays(layout, dict.fromkeys([c.name for c in layout.columns], nothing)).items():
+        for name, static in {**static_arrays(layout, None), **_no_hyperparameters()}.items():
             await group.create_array(name, **_static_options(static))
-        await group.create_array(HYPERPARAMETER, **_static_options(_no_hyperparameters()))
-        for spec in TABLES.values():
-            await group.create_array(spec.name, **_table_options(layout, spec))
+        for name, spec in TABLES.items():
+            await group.create_array(name, **_table_options(layout, spec))
         for stage in layout.stages:
             for spec in stage_specs(layout):
                 await group.create_array(f"{stage.name}/{spec.name}", **_stage_options(layout, stage, spec))
-        await group.create_group("runtime")
         await consolidate_metadata(memory)
 
     with warnings.catch_warnings():
@@ -265,7 +365,7 @@ def _filled(statics: Mapping[str, Static]) -> dict[str, bytes]:
 
     async def create() -> None:
         group = await create_group(store=memory)
-        for name, static in {**statics, HYPERPARAMETER: _no_hyperparameters()}.items():
+        for name, static in {**statics, **_no_hyperparameters()}.items():
             array = await group.create_array(name, **_static_options(static))
             await array.setitem(Ellipsis, static.values)
 
@@ -289,7 +389,7 @@ def _static_options(static: Static) -> dict[str, Any]:
     is_text = static.values.dtype.kind == "T"
     return {
         "shape": static.values.shape,
-        "chunks": tuple(max(1, min(n, STATIC_CHUNK)) for n in static.values.shape),
+        "chunks": tuple(CANDIDATE_CHUNK if static.grows else max(1, min(n, STATIC_CHUNK)) for n in static.values.shape),
         "dtype": "str" if is_text else static.values.dtype,
         "dimension_names": static.dims,
         "compressors": [text_codec() if is_text else fast_codec(), Crc32cCodec()],
@@ -300,14 +400,20 @@ def _static_options(static: Static) -> dict[str, Any]:
     }
 
 
-HYPERPARAMETER = "hyperparameter"
-"""Coordinate of `surrogate`: names of what surrogates said so far, then "". The root says them too, and is right."""
+HYPERPARAMETER = f"{CANDIDATES}/{HYPERPARAMETERS}"
+"""Coordinate of `surrogate`: names of what surrogates said so far, then "". The root says them too, and is right; in
+the root it is as long as there are names."""
+HYPERPARAMETER_UNIT = f"{HYPERPARAMETER}_unit"
+"""Their units."""
 
 
-def _no_hyperparameters() -> Static:
-    return _texts(
-        HYPERPARAMETER, [""] * N_SURROGATE, "columns of surrogate, in the order in which they were first used"
-    )
+def _no_hyperparameters() -> dict[str, Static]:
+    blank = [""] * N_SURROGATE
+    meaning = "columns of surrogate, in the order in which they were first used"
+    return {
+        HYPERPARAMETER: _texts(HYPERPARAMETERS, blank, meaning),
+        HYPERPARAMETER_UNIT: _texts(HYPERPARAMETERS, blank, "units of the columns of surrogate"),
+    }
 
 
 def _table_options(layout: Layout, spec: ArraySpec) -> dict[str, Any]:
@@ -315,8 +421,8 @@ def _table_options(layout: Layout, spec: ArraySpec) -> dict[str, Any]:
     columns |= {"hyperparameter": N_SURROGATE, "digest": len(DIGESTS)}
     n = columns[spec.dims[1]]
     attributes: dict[str, Any] = {"units": spec.unit, "long_name": spec.long_name}
-    if spec.name == "records":
-        attributes["coordinates"] = "field_unit field_long_name"
+    if spec.name in _TOLD:
+        attributes["coordinates"] = " ".join(_TOLD[spec.name])
     is_text = spec.dtype == "str"
     return {
         "shape": (layout.n_candidates, n),
@@ -330,6 +436,16 @@ def _table_options(layout: Layout, spec: ArraySpec) -> dict[str, Any]:
     }
 
 
+_TOLD = {
+    "wall_times": ("wall_time_unit",),
+    "response": ("quantity_unit",),
+    "impact": ("impact_quantity_unit",),
+}
+"""Coordinates of text that an array has beside the names of its columns, which are the same in every campaign. What
+differs from one campaign to another (stages; units of fields and of a surrogate's quantities) is an array beside it and
+no coordinate of it: xarray cannot fill a coordinate of text, so that two campaigns would not join."""
+
+
 def _stage_options(layout: Layout, stage: StageLayout, spec: ArraySpec) -> dict[str, Any]:
     attributes: dict[str, Any] = {"units": spec.unit, "long_name": spec.long_name}
     shards: tuple[int, ...] | None = None
@@ -339,17 +455,18 @@ def _stage_options(layout: Layout, stage: StageLayout, spec: ArraySpec) -> dict[
         shape: tuple[int, ...] = (stage.n_block_candidates, stage.n_block_switches, n)
         chunks: tuple[int, ...] = (1, 1, n)
         compressors, fill = [Crc32cCodec()], 0.0
-        attributes["names"] = list(layout.marker_names)
     else:
         rest, _ = layout.block_arrays[spec.name]
         row = 8 * len(QUANTITIES)
         shape = (stage.n_candidates, stage.n_switches, *rest)
         shards = (stage.block_candidates, stage.block_switches, *rest)
         chunks = (*stage.inner, *rest)
-        codec = sparse_codec() if spec.name == "impact" else fast_codec(row if spec.name == "response" else None)
+        kind = spec.name.removeprefix(CASE_PREFIX)
+        codec = sparse_codec() if kind == "impact" else fast_codec(row if kind == "response" else None)
         compressors, fill = [codec, Crc32cCodec()], np.nan
-        if spec.name == "response":
-            attributes["coordinates"] = "quantity_unit"
+        labels = [*_TOLD.get(kind, ()), *((c.name for c in layout.cases) if kind != spec.name else ())]
+        if labels:
+            attributes["coordinates"] = " ".join(labels)
     return {
         "shape": shape,
         "chunks": chunks,

@@ -16,8 +16,10 @@ from softclose_store.schema.fields import (
     IMPACT_QUANTITIES,
     PARAMETERS,
     PLATE,
+    PROPOSALS,
     QUANTITIES,
     SCHEMA_VERSION,
+    CaseColumn,
     Field,
     PopulationColumn,
     number_fields,
@@ -38,10 +40,14 @@ TABLE_CHUNK = 128
 
 _STAGE_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 _COLUMN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
-RESERVED = frozenset({"runtime", "records", "words", "surrogate", "digests", "wall_times", "hyperparameter"}) | {
-    name for stem in ("field", "word", "digest", "wall_time") for name in (stem, f"{stem}_unit", f"{stem}_long_name")
-}
+CANDIDATES, POPULATION, RUNTIME = "candidates", "population", "runtime"
+"""Groups beside the stages: the tables, a row a candidate; the ensemble; who ran the campaign. xarray's trees want
+dimensions of one name and two lengths in groups beside one another, never one inside the other."""
+OWN_GROUPS = (CANDIDATES, POPULATION, RUNTIME)
+RESERVED = frozenset({*OWN_GROUPS, "certification", "opening", "traces", "prior"})
 """Names at a store's root that no stage may take."""
+CASE_PREFIX = "case_"
+"""Arrays of a stage that hold the same in every case begin with this."""
 
 
 def largest_inner(block_switches: int) -> int:
@@ -63,6 +69,8 @@ class StageLayout:
     """Candidates in a block."""
     block_switches: int
     """Switches in a block."""
+    engine: str = ""
+    """Who proposes its candidates."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not _STAGE_NAME.fullmatch(self.name) or self.name in RESERVED:
@@ -158,6 +166,12 @@ class Layout:
     """Contact speeds for which P(V > limit) is stored [cm/s]."""
     columns: tuple[PopulationColumn, ...] = PLATE
     """Columns of the population."""
+    designs: tuple[PopulationColumn, ...] = ()
+    """Nominal values that a candidate may have of its own."""
+    cases: tuple[CaseColumn, ...] = ()
+    """What tells the cases apart in which each switch is simulated, one value a case; none: there is one case."""
+    n_modes: int = 1
+    """Modes of a switch: of the further ones x(t) and v(t) are kept too."""
     table_chunk: int = 0
     """Candidates in one chunk of a table; 0: equal parts, so that hardly any chunk is a partial one. An extension keeps
     what it finds."""
@@ -167,7 +181,7 @@ class Layout:
         names = [stage.name for stage in self.stages]
         if not names or len(set(names)) < len(names):
             raise LayoutError(f"the stages are {names}; there must be one or more, each of another name")
-        for name, least in (("max_impacts", 0), ("n_pulses", 1)):
+        for name, least in (("max_impacts", 0), ("n_pulses", 1), ("n_modes", 1)):
             object.__setattr__(self, name, _integer(name, getattr(self, name), least))
         times = np.asarray(self.times_us, dtype=np.float64)
         if times.ndim != 1 or not np.all(np.isfinite(times)) or not np.all(np.diff(times) > 0):
@@ -177,14 +191,11 @@ class Layout:
         if len(set(limits)) < len(limits):
             raise LayoutError(f"limits_cm_s is {limits}; each limit is stored once")
         object.__setattr__(self, "limits_cm_s", limits)
-        taken = RESERVED | {"switch", *names}
-        columns = [column.name for column in self.columns]
-        wrong = [n for n in columns if not isinstance(n, str) or not _COLUMN_NAME.fullmatch(n) or n in taken]
-        if wrong or not columns or len(set(columns)) < len(columns):
-            raise LayoutError(
-                f"the population has columns {columns}; it has one or more, each of a name of its own made of letters, "
-                "digits and _, which is not that of a stage"
-            )
+        _check_names("the population", [column.name for column in self.columns], least=1)
+        _check_names("the design of a candidate", [column.name for column in self.designs])
+        _check_names("a case", [column.name for column in self.cases], taken=STAGE_NAMES)
+        if len({len(column.values) for column in self.cases}) > 1 or any(not c.values for c in self.cases):
+            raise LayoutError(f"the cases are {self.cases}; each column has one value a case, as many as the others")
         object.__setattr__(self, "table_chunk", _integer("table_chunk", self.table_chunk or self._equal_parts, 1))
 
     @property
@@ -271,15 +282,25 @@ class Layout:
         rows = range(local // step, math.ceil(stop / step))
         return [(i, j) for i in rows for j in range(stage.blocks_of(n_switches))]
 
+    def of_stages(self, attribute: str) -> NDArray[Any]:
+        """A text of its stage (`name`, `engine`) for each candidate, (n_candidates,)."""
+        texts = np.array([getattr(stage, attribute) for stage in self.stages], dtype=np.dtypes.StringDType())
+        return np.repeat(texts, [stage.n_candidates for stage in self.stages])
+
     @property
     def fields(self) -> tuple[Field, ...]:
         """Columns of the table of records."""
-        return number_fields(self.n_pulses, self.limits_cm_s)
+        return number_fields(self.n_pulses, self.limits_cm_s, self.designs)
 
     @property
     def n_proposal_fields(self) -> int:
         """How many of the columns, from the first on, belong to the proposal."""
-        return self.n_pulses * len(PARAMETERS) + 1
+        return self.n_pulses * len(PARAMETERS) + len(self.designs) + len(PROPOSALS)
+
+    @property
+    def n_cases(self) -> int:
+        """Cases in which each switch is simulated."""
+        return len(self.cases[0].values) if self.cases else 1
 
     @property
     def _equal_parts(self) -> int:
@@ -292,12 +313,20 @@ class Layout:
 
     @property
     def block_arrays(self) -> dict[str, tuple[tuple[int, ...], str]]:
-        """Arrays of a block: name -> (shape behind candidate and switch, numpy type)."""
+        """Arrays of a block: name -> (shape behind candidate and switch, numpy type).
+
+        Those without prefix hold what counts of a switch, in every campaign alike; where there are several cases, its
+        twin with `CASE_PREFIX` holds the same of each.
+        """
         arrays: dict[str, tuple[tuple[int, ...], str]] = {"response": ((len(QUANTITIES),), "f8")}
         if self.max_impacts:
             arrays["impact"] = ((self.max_impacts, len(IMPACT_QUANTITIES)), "f8")
         if self.times_us.size:
             arrays |= {name: ((self.times_us.size,), "f4") for name in ("x", "v")}
+            if self.n_modes > 1:
+                arrays |= {name: ((self.n_modes - 1, self.times_us.size), "f4") for name in ("mode_x", "mode_v")}
+        if self.n_cases > 1:
+            arrays |= {f"{CASE_PREFIX}{name}": ((self.n_cases, *rest), kind) for name, (rest, kind) in arrays.items()}
         return arrays
 
     @property
@@ -314,6 +343,9 @@ class Layout:
             "n_pulses": self.n_pulses,
             "limits_cm_s": list(self.limits_cm_s),
             "columns": [[c.name, c.unit, c.long_name] for c in self.columns],
+            "designs": [[c.name, c.unit, c.long_name] for c in self.designs],
+            "cases": [[c.name, c.unit, c.long_name, list(c.values)] for c in self.cases],
+            "n_modes": self.n_modes,
         }
         return data if self.table_chunk == self._equal_parts else data | {"table_chunk": self.table_chunk}
 
@@ -328,12 +360,14 @@ class Layout:
         times_us : (n_times,) ndarray of float64
             The time grid [µs].
         """
-        kept = ("max_impacts", "n_pulses", "limits_cm_s")
+        kept = ("max_impacts", "n_pulses", "limits_cm_s", "n_modes")
         stages = tuple(StageLayout(**stage) for stage in data["stages"])
         return cls(
             stages=stages,
             times_us=times_us,
             columns=tuple(PopulationColumn(*column) for column in data["columns"]),
+            designs=tuple(PopulationColumn(*column) for column in data["designs"]),
+            cases=tuple(CaseColumn(name, unit, meaning, tuple(v)) for name, unit, meaning, v in data["cases"]),
             table_chunk=data.get("table_chunk", 0),
             **{name: data[name] for name in kept},
         )
@@ -343,6 +377,21 @@ def _integer(name: str, value: Any, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise LayoutError(f"{name} is {value!r}; it must be an integer of at least {least}")
     return int(value)
+
+
+STAGE_NAMES = ("time", "event", "marker", "quantity", "impact_quantity", "response", "impact", "x", "v")
+"""Names within a stage that no column of its cases may take."""
+
+
+def _check_names(what: str, names: list[str], *, least: int = 0, taken: tuple[str, ...] = ()) -> None:
+    """Raise LayoutError unless all are names of arrays, each another one."""
+    taken = ("switch", "candidate", "case", "mode", *taken)
+    wrong = [n for n in names if not isinstance(n, str) or not _COLUMN_NAME.fullmatch(n) or n in taken]
+    if wrong or len(names) < least or len(set(names)) < len(names):
+        raise LayoutError(
+            f"{what} has columns {names}; each has a name of its own made of letters, digits and _, none of "
+            f"{', '.join(taken)}" + (", and there is one at least" if least else "")
+        )
 
 
 def check_schema(version: Any, where: str) -> None:

@@ -9,10 +9,16 @@ import numpy as np
 from zarr.abc.store import Store
 
 from softclose_store.disk.files import list_keys, look_at, read_key, write_key
-from softclose_store.disk.names import is_chunk_key
+from softclose_store.disk.names import is_chunk_key, is_safe
 from softclose_store.errors import DamageError, StoreMissingError
-from softclose_store.schema.documents import RootDocument, RuntimeDocument, checked
-from softclose_store.schema.hierarchy import schema_of
+from softclose_store.schema.documents import (
+    GroupArrayDocument,
+    ListedDocument,
+    RootDocument,
+    RuntimeDocument,
+    checked,
+)
+from softclose_store.schema.hierarchy import TABLES, schema_of
 from softclose_store.schema.layout import Layout, check_schema
 from softclose_store.schema.root import BACKUP_KEY, KIND, ROOT_KEY, SCHEMA_ATTRIBUTE, Root
 from softclose_store.schema.texts import read_json
@@ -79,7 +85,9 @@ def _check_metadata(root: Root) -> None:
     """Raise ValueError where what the root says of an array is not what its layout's array has: size, type, codecs."""
     data = root.attributes["layout"]
     schema = read_json(schema_of(layout_without_times(data))[ROOT_KEY])
-    expected = Root({**schema, "attributes": {"layout": data}}).committed(root.n_committed, root.n_waves, ()).metadata
+    empty = Root({**schema, "attributes": {"layout": data}})
+    expected = empty.committed(root.n_committed, root.n_waves, root.attributes["hyperparameters"]).metadata
+    check_listing(root.listed)
     for name in sorted(expected.keys() ^ root.metadata.keys()):
         raise ValueError(f"{name} is {'no array of its layout' if name in root.metadata else 'missing'}")
     for name, entry in root.metadata.items():
@@ -95,12 +103,26 @@ def _check_metadata(root: Root) -> None:
             raise ValueError(f"{', '.join(wrong)} of {name} are not those of the schema")
 
 
+def check_listing(listed: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise ValueError where what a root says of result groups is none: of what kind, how large, by which codecs."""
+    for name, entry in listed.items():
+        if not is_safe(name):
+            raise ValueError(f"{name!r} is no name of a result group")
+        try:
+            if entry.get("node_type") == "array":
+                checked(GroupArrayDocument, entry)
+            else:
+                checked(ListedDocument, entry)
+        except ValueError as e:
+            raise ValueError(f"{name}: {e}") from e
+
+
 def read_root(files: Store, where: str) -> Root:
     """Read and check the root; raises StoreMissingError where there is no store, DamageError where its root is gone."""
     content = read_key(files, ROOT_KEY)
     if content is not None:
         return decode_root(content, where)
-    begun = any(look_at(files, f"{name}/zarr.json") is not None for name in ("digests", "records"))
+    begun = any(look_at(files, f"{name}/zarr.json") is not None for name in TABLES)
     if look_at(files, BACKUP_KEY) is not None or (begun and _holds_data(files)):
         raise DamageError(
             f"{where} holds a campaign but no zarr.json at its root: that file was lost; "
@@ -116,7 +138,7 @@ def read_root(files: Store, where: str) -> Root:
 
 def _holds_data(files: Store) -> bool:
     """True where a candidate was stored: the creation alone writes no table and no block."""
-    written = ("digests/c.", "records/c.")
+    written = tuple(f"{name}/c." for name in TABLES)
     return any(key.startswith(written) or (is_chunk_key(key) and "/block_digest/" in key) for key in list_keys(files))
 
 

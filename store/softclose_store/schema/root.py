@@ -1,9 +1,10 @@
 """Owns the root `zarr.json`: identity, layout and the commit marker.
 
 The root carries consolidated metadata in which the `candidate` length of every table is the number of committed
-candidates, and the `stage_candidate` length of every stage's arrays that of the stage. One atomic replacement of this
-file commits a wave: readers of consolidated metadata (zarr, xarray, ours) see committed candidates only, while writers
-open the arrays themselves at full capacity.
+candidates, and that of every stage's arrays the stage's part of it. One atomic replacement of this file commits a wave:
+readers of consolidated metadata (zarr, xarray, ours) see committed candidates only, while writers open the arrays
+themselves at full capacity. Result groups are listed there too, so that trees show them; our own reader asks their
+files.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from softclose_store.disk.names import OWN_FOLDER
 from softclose_store.schema import digests
+from softclose_store.schema.layout import CANDIDATES, OWN_GROUPS
 
 ROOT_KEY = "zarr.json"
 KIND = "softclose-campaign"
 SCHEMA_ATTRIBUTE = "softclose_schema"
-BACKUP_KEY = "digests/root.json"
-"""The root as created, nothing committed: what a damaged root is rebuilt from. In an array's folder, where no Zarr tool
-looks for members."""
-EXTENSION_KEY = "digests/extension.json"
+BACKUP_KEY = f"{OWN_FOLDER}/root.json"
+"""The root as created, nothing committed: what a damaged root is rebuilt from."""
+EXTENSION_KEY = f"{OWN_FOLDER}/extension.json"
 """What a campaign will be whose extension is being written; there only meanwhile."""
 RUNTIME_KEY = "runtime/zarr.json"
 _NO_DIGEST = "-" * 64
@@ -42,9 +44,23 @@ class Root:
 
     @property
     def metadata(self) -> dict[str, dict[str, Any]]:
-        """Consolidated metadata: array or group name -> its document."""
+        """Consolidated metadata of the campaign itself: array or group name -> its document."""
+        return {name: entry for name, entry in self._consolidated.items() if self.is_own(name)}
+
+    @property
+    def listed(self) -> dict[str, dict[str, Any]]:
+        """Consolidated metadata of result groups, their arrays, and the groups that they lie in."""
+        return {name: entry for name, entry in self._consolidated.items() if not self.is_own(name)}
+
+    @property
+    def _consolidated(self) -> dict[str, dict[str, Any]]:
         metadata: dict[str, dict[str, Any]] = self.document["consolidated_metadata"]["metadata"]
         return metadata
+
+    def is_own(self, name: str) -> bool:
+        """Whether a name is in one of the campaign's own groups."""
+        group = name.partition("/")[0]
+        return group in OWN_GROUPS or any(group == stage["name"] for stage in self.attributes["layout"]["stages"])
 
     @property
     def n_committed(self) -> int:
@@ -68,22 +84,21 @@ class Root:
 
     def committed(self, n_candidates: int, n_waves: int, hyperparameters: Sequence[str]) -> Root:
         """The same root with so many committed candidates and waves, and the names of surrogate quantities so far."""
-        lengths = {"": n_candidates}
+        lengths = {CANDIDATES: n_candidates}
         steps = {}
         first = 0
         for stage in self.attributes["layout"]["stages"]:
             lengths[stage["name"]] = min(max(n_candidates - first, 0), stage["n_candidates"])
             steps[stage["name"]] = stage["block_candidates"]
             first += stage["n_candidates"]
-        metadata = {}
+        metadata = self.listed
         for name, entry in self.metadata.items():
-            stage_name = name.rpartition("/")[0]
-            length = lengths.get(stage_name, 0)
-            first_dimension = (entry.get("dimension_names") or [None])[0]
-            if first_dimension == "block_candidate":
-                length = -(-length // steps[stage_name])
-            if first_dimension in COMMITTED:
-                entry = {**entry, "shape": [length, *entry["shape"][1:]]}
+            group = name.rpartition("/")[0]
+            if group in lengths:
+                sizes = {CANDIDATE: lengths[group], HYPERPARAMETERS: len(hyperparameters)}
+                sizes["block_candidate"] = -(-lengths[group] // steps.get(group, 1))
+                dims = zip(entry["dimension_names"], entry["shape"], strict=True)
+                entry = {**entry, "shape": [sizes.get(dim, n) for dim, n in dims]}
             metadata[name] = entry
         attributes = {
             **self.attributes,
@@ -91,14 +106,21 @@ class Root:
             "n_waves": n_waves,
             "hyperparameters": list(hyperparameters),
         }
-        consolidated = {**self.document["consolidated_metadata"], "metadata": metadata}
-        return Root({**self.document, "attributes": attributes, "consolidated_metadata": consolidated})
+        return Root({**self.document, "attributes": attributes})._with_metadata(metadata)
+
+    def _with_metadata(self, metadata: Mapping[str, Any]) -> Root:
+        consolidated = {**self.document["consolidated_metadata"], "metadata": dict(metadata)}
+        return Root({**self.document, "consolidated_metadata": consolidated})
+
+    def listing(self, groups: Mapping[str, Mapping[str, Any]]) -> Root:
+        """The same root that lists these metadata of result groups, and no others."""
+        return self._with_metadata({**self.metadata, **groups})
 
     def created(self) -> Root:
-        """The root as the creation wrote it: nothing committed, no run noted."""
+        """The root as the creation wrote it: nothing committed, no run noted, no result group."""
         attributes = self.metadata["runtime"]["attributes"]
         runtime = {name: value for name, value in attributes.items() if name != "runs"}
-        return self.committed(0, 0, ()).with_runtime(runtime)
+        return self.listing({}).committed(0, 0, ()).with_runtime(runtime)
 
     def noted(self, run: Mapping[str, Any]) -> Root:
         """The same root with one more run in the attribute `runs` of the group `runtime`."""
@@ -108,9 +130,8 @@ class Root:
 
     def with_runtime(self, attributes: Mapping[str, Any]) -> Root:
         """The same root with other attributes of the group `runtime`."""
-        metadata = {**self.metadata, "runtime": {**self.metadata["runtime"], "attributes": dict(attributes)}}
-        consolidated = {**self.document["consolidated_metadata"], "metadata": metadata}
-        return Root({**self.document, "consolidated_metadata": consolidated})
+        entry = {**self.metadata["runtime"], "attributes": dict(attributes)}
+        return self._with_metadata({**self._consolidated, "runtime": entry})
 
     def encode(self) -> bytes:
         """The file's bytes: one text per document, with a digest of everything else in it."""
@@ -121,8 +142,8 @@ class Root:
         return text.replace(own, f'"root_digest":"{digests.sha256(text)}"'.encode(), 1)
 
 
-COMMITTED = ("candidate", "stage_candidate", "block_candidate")
-"""Dimensions whose length in the root is that of what is committed."""
+CANDIDATE, HYPERPARAMETERS = "candidate", "hyperparameter"
+"""Dimensions whose length in the root is that of what is committed; so is that of blocks along candidates."""
 
 
 def runtime_text(root: Root) -> bytes:

@@ -15,6 +15,7 @@ from zarr.abc.store import Store
 from softclose_store import faults
 from softclose_store.disk.files import LocalFiles, StorePath, normalised, open_files, read_key
 from softclose_store.disk.loop import run_here
+from softclose_store.disk.names import OWN_FOLDER
 from softclose_store.errors import LayoutError
 from softclose_store.read.arrays import described, layout_of, open_arrays
 from softclose_store.read.described import DescribedFiles, never
@@ -23,7 +24,7 @@ from softclose_store.schema.hierarchy import MARKER, stage_specs
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import read_root
 
-_PROBE = "digests/zarr.json"
+_PROBE = f"{OWN_FOLDER}/zarr.json"
 """Written once by the creation: another store at the path has another file here."""
 
 

@@ -26,6 +26,7 @@ from softclose_store.errors import (
     StoreMissingError,
 )
 from softclose_store.schema import digests
+from softclose_store.schema.fields import Constant
 from softclose_store.schema.hierarchy import build_hierarchy, population_columns
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import read_root
@@ -39,6 +40,7 @@ def create_campaign(
     config: Mapping[str, Any],
     population: Mapping[str, ArrayLike],
     algorithm: str,
+    constants: Mapping[str, Constant] | None = None,
     runtime: Mapping[str, Any] | None = None,
     fingerprint: str | None = None,
     durable: bool = False,
@@ -55,9 +57,11 @@ def create_campaign(
     config : mapping
         Plain JSON values; its sha256 (canonical JSON) is the campaign's fingerprint.
     population : mapping of str to (n_switches,) array-like of float64
-        D, G [µm], E [GPa], T [µm], K [N/m], M [µg].
+        The layout's columns, such as D, G [µm], E [GPa], T [µm], K [N/m], M [µg].
     algorithm : str
         Version of the algorithms, the other half of the campaign's identity.
+    constants : mapping of str to Constant, optional
+        Numbers that every switch shares, for readers: attributes of the root.
     runtime : mapping, optional
         Who created it; no part of the identity.
     fingerprint : str, optional
@@ -97,6 +101,7 @@ def create_campaign(
         fingerprint=identity,
         algorithm=algorithm,
         population=columns,
+        constants=dict(constants or {}),
         runtime=dict(runtime or {}),
         durable=durable,
     )

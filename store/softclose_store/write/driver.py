@@ -14,13 +14,14 @@ from softclose_store import faults
 from softclose_store.disk.files import StorePath, normalised, open_files, write_key
 from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import DamageError, OtherAlgorithmError, OtherConfigurationError, RecordError
+from softclose_store.listing import listed_anew
 from softclose_store.read.arrays import described, layout_of, open_arrays, population_of
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import never
 from softclose_store.read.metadata import check_metadata
 from softclose_store.read.table import Table
 from softclose_store.schema.digests import canonical_json, proposals_digest
-from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
+from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, TABLES
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import read_root, write_root
 from softclose_store.schema.root import RUNTIME_KEY, Root, runtime_text
@@ -33,6 +34,7 @@ from softclose_store.write.rows import (
     TIMED,
     check_names,
     check_waveform,
+    design_of,
     n_switches_of,
     set_proposal,
     set_result,
@@ -79,6 +81,7 @@ class DriverStore:
         try:
             complete_extension(open_files(path, read_only=False), self.path)
             self._root: Root = read_root(self._plain, self.path)  # another driver may have committed meanwhile
+            self._tolerates = tolerate_damage
             self._read = described(self._plain, self._root, self.path, never if tolerate_damage else None)
             self.layout: Layout = layout_of(self._read, self._root)
             whole = open_files(path, read_only=False, durable=self.durable)
@@ -87,9 +90,10 @@ class DriverStore:
             self._table = Table(self.layout)
             self._table.load(self._read, self.n_committed, tolerate_damage=tolerate_damage)
             self._hyperparameters: list[str] = list(self._root.attributes["hyperparameters"])
-            self._arrays = open_arrays(self._files, (*TABLES, HYPERPARAMETER))
+            self._arrays = open_arrays(self._files, (*TABLES, HYPERPARAMETER, HYPERPARAMETER_UNIT))
             if not tolerate_damage:
                 self._check_committed()
+                self._root = listed_anew(self._files.inner, self._root)
         except BaseException:
             self._lock.release()
             raise
@@ -100,7 +104,11 @@ class DriverStore:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        try:
+            if kind is None and not self._tolerates and self._lock.still_held():
+                self._root = listed_anew(self._files.inner, self._root)  # groups that were written meanwhile
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Release the lock."""
@@ -295,7 +303,12 @@ class DriverStore:
         for i in dict.fromkeys(i for i, _ in blocks):
             candidates = stage.candidates(i)
             own = rows[candidates.start - local : candidates.stop - local]
-            expected = proposals_digest([row["waveform"] for row in own], n_switches, start - local + candidates.start)
+            expected = proposals_digest(
+                [row["waveform"] for row in own],
+                n_switches,
+                start - local + candidates.start,
+                [design_of(self.layout, row) for row in own] if self.layout.designs else None,
+            )
             found = np.stack([np.asarray(markers[i, j], dtype=np.uint64) for k, j in blocks if k == i])
             if found.shape[1] != len(self.layout.marker_names) or (found == 0).any() or (found[:, 0] != expected).any():
                 raise RecordError(
@@ -307,8 +320,8 @@ class DriverStore:
 
     def _forget(self, start: int, stop: int) -> None:
         empty = Table(self.layout, stop - start)
-        for name in TABLES:
-            getattr(self._table, name)[start:stop] = getattr(empty, name)[: stop - start]
+        for spec in TABLES.values():
+            getattr(self._table, spec.name)[start:stop] = getattr(empty, spec.name)[: stop - start]
 
     def note_run(self, runtime: Mapping[str, Any]) -> None:
         """Add who runs the campaign now, and where, to the group `runtime` (not part of the campaign's identity).

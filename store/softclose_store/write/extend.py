@@ -21,7 +21,7 @@ from softclose_store.read.arrays import described, layout_of, population_of, rea
 from softclose_store.read.metadata import check_metadata
 from softclose_store.read.table import Table
 from softclose_store.schema import digests
-from softclose_store.schema.hierarchy import TABLES, build_hierarchy
+from softclose_store.schema.hierarchy import TABLES, build_hierarchy, constants_of, growing_arrays
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import decode_root, layout_without_times, read_root, write_root
 from softclose_store.schema.root import BACKUP_KEY, EXTENSION_KEY, ROOT_KEY, RUNTIME_KEY, Root, runtime_text
@@ -151,14 +151,19 @@ def complete_extension(files: Store, where: str) -> None:
     if extended.fingerprint != root.fingerprint:
         durable = open_files(where, read_only=False, durable=bool(root.attributes["durable"]))
         contents = _contents(files, root, extended, where)
-        tables = {f"{name}/zarr.json" for name in TABLES}
-        new = [key for key in contents if key in tables or key.rpartition("/")[0] not in root.metadata]
+        growing = growing_arrays(layout_without_times(extended.attributes["layout"]))
+        tables = {f"{name}/zarr.json" for name in (*TABLES, *growing)}
+        new = [
+            key
+            for key in contents
+            if key in tables or key.rpartition("/")[0] in growing or key.rpartition("/")[0] not in root.metadata
+        ]
         for key in sorted(new, key=lambda key: (key in tables, key)):
             if key not in (ROOT_KEY, BACKUP_KEY, RUNTIME_KEY) and look_at(files, key) != contents[key]:
                 write_key(durable, key, contents[key])
         write_key(durable, BACKUP_KEY, extended.created().encode())
         write_key(durable, RUNTIME_KEY, runtime_text(extended))
-        write_root(durable, extended)
+        write_root(durable, extended.listing(root.listed))
     delete_key(files, EXTENSION_KEY)
 
 
@@ -173,12 +178,16 @@ def _extended(
         fingerprint=digests.fingerprint_of(config),
         algorithm=root.algorithm,
         population=population_of(read, root),
+        constants=constants_of(root),
         runtime=root.created().metadata["runtime"]["attributes"],
         durable=bool(root.attributes["durable"]),
     )
+    growing = growing_arrays(layout)
     for name, expected in root.attributes["static_digests"].items():
         if not name.endswith("/time"):  # which every stage has: `layout_of` read one of them
             read_static(read, root, name)
+        if name in growing:
+            continue
         if json.loads(created[ROOT_KEY])["attributes"]["static_digests"].get(name) != expected:
             raise LayoutError(f"{name} of {where} would change; an extension keeps it")
     extended = Root(json.loads(created[ROOT_KEY]))
@@ -198,6 +207,7 @@ def _contents(files: Store, root: Root, extended: Root, where: str) -> dict[str,
         fingerprint=extended.fingerprint,
         algorithm=extended.algorithm,
         population=population_of(read, root),
+        constants=constants_of(root),
         runtime=extended.created().metadata["runtime"]["attributes"],
         durable=bool(attributes["durable"]),
     )

@@ -15,13 +15,23 @@ from softclose_store.disk.loop import run_here
 from softclose_store.errors import RecordError
 from softclose_store.read.described import DescribedFiles
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
-from softclose_store.schema.fields import N_SURROGATE, N_SWITCHES, PARAMETERS, RESULTS, WALL, WORDS, Field
-from softclose_store.schema.hierarchy import HYPERPARAMETER, TABLES
+from softclose_store.schema.fields import (
+    N_SURROGATE,
+    N_SWITCHES,
+    PARAMETERS,
+    PROPOSALS,
+    RESULTS,
+    WALL,
+    WORDS,
+    Field,
+    unit_in,
+)
+from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, TABLES
 from softclose_store.schema.layout import Layout
 
 Arrays = Mapping[str, zarr.AsyncArray[Any]]
 
-PROPOSED = frozenset(("waveform", "n_switches", "origin", "note", "surrogate"))
+PROPOSED = frozenset(("waveform", "design", "origin", "note", "surrogate", *(field.name for field in PROPOSALS)))
 """What a proposal says."""
 ASSESSED = frozenset(("failure", *(field.name for field in RESULTS)))
 """What an assessment says."""
@@ -45,7 +55,11 @@ def set_proposal(table: Table, i: int, row: Mapping[str, Any], hyperparameters: 
     record[: layout.n_proposal_fields] = np.nan
     waveform = np.atleast_2d(np.asarray(row["waveform"], dtype=np.float64))
     record[: waveform.size] = waveform.reshape(-1)
-    record[layout.n_proposal_fields - 1] = _number(N_SWITCHES, row["n_switches"])
+    at = layout.n_pulses * len(PARAMETERS)
+    record[at : at + len(layout.designs)] = design_of(layout, row)
+    for k, field in enumerate(PROPOSALS, at + len(layout.designs)):
+        value = row.get(field.name)
+        record[k] = field.fill if value is None else _number(field, value)
     _set_words(table, i, row, "proposal")
     values = np.full(N_SURROGATE, np.nan)
     for name, value in dict(row.get("surrogate") or {}).items():
@@ -67,6 +81,18 @@ def n_switches_of(row: Mapping[str, Any]) -> int:
     return int(_number(N_SWITCHES, row["n_switches"]))
 
 
+def design_of(layout: Layout, row: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Nominal values of a row, in the layout's order: (n_design,), NaN for what it does not say. Raises RecordError."""
+    said = dict(row.get("design") or {})
+    values = np.array([float(said.pop(column.name, np.nan)) for column in layout.designs])
+    if said:
+        raise RecordError(
+            f"the design says {', '.join(map(str, said))}; candidates of this campaign may have "
+            f"{', '.join(column.name for column in layout.designs) or 'no design'} of their own"
+        )
+    return values
+
+
 def check_waveform(layout: Layout, row: Mapping[str, Any]) -> None:
     """Raise RecordError unless a row has a proposal that the layout can hold."""
     missing = [name for name in ("waveform", "n_switches", "origin") if name not in row]
@@ -75,6 +101,7 @@ def check_waveform(layout: Layout, row: Mapping[str, Any]) -> None:
     shape = np.shape(row["waveform"])
     if len(shape) != 2 or shape[1] != len(PARAMETERS) or not 0 < shape[0] <= layout.n_pulses:
         raise RecordError(f"the waveform has shape {shape}; it must be (1 to {layout.n_pulses} pulses, 4)")
+    design_of(layout, row)
 
 
 def set_result(table: Table, i: int, row: Mapping[str, Any], wave: int, markers: int) -> int:
@@ -151,8 +178,8 @@ def write_rows(
     chunks = [table.rows(i_chunk) for i_chunk in reversed(range(start // step, (stop - 1) // step + 1))]
 
     async def write() -> None:
-        for name in TABLES:
-            values: NDArray[Any] = getattr(table, name)
+        for name, spec in TABLES.items():
+            values: NDArray[Any] = getattr(table, spec.name)
             for rows in chunks:
                 faults.point("inside-record")
                 await arrays[name].setitem((rows, slice(None)), values[rows])
@@ -163,6 +190,7 @@ def write_rows(
 def write_hyperparameters(
     arrays: Mapping[str, zarr.AsyncArray[Any]], files: DescribedFiles, names: Sequence[str]
 ) -> None:
-    """Write the names of the surrogate's columns."""
-    padded = np.array([*names, *[""] * (N_SURROGATE - len(names))], dtype=np.dtypes.StringDType())
-    run_here(arrays[HYPERPARAMETER].setitem(slice(None), padded), files)
+    """Write the names of the surrogate's columns, and their units."""
+    for key, texts in ((HYPERPARAMETER_UNIT, [unit_in(name) for name in names]), (HYPERPARAMETER, list(names))):
+        padded = np.array([*texts, *[""] * (N_SURROGATE - len(names))], dtype=np.dtypes.StringDType())
+        run_here(arrays[key].setitem(slice(None), padded), files)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from softclose.conditions.streams import Ensemble
 from softclose.metrics.objective import Judged
+from softclose.population.lot import COLUMNS, Lot
 from softclose.settings import CampaignConfig
 from softclose_store import (
     Campaign,
@@ -28,6 +29,7 @@ from softclose_store import (
     read_group,
     write_group,
 )
+from softclose_store.schema.fields import RESULTS
 from softclose_workflows.analyses.certification import (
     Certification,
     CertifyError,
@@ -36,11 +38,13 @@ from softclose_workflows.analyses.certification import (
     candidate_of,
 )
 from softclose_workflows.run import records
-from softclose_workflows.run.opening import opening_arrays, openings_of
+from softclose_workflows.run.opening import opening_arrays, openings_of, parameters
 
 GROUP = "certification"
 """Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
 
+
+_FIELDS = {field.name: field for field in RESULTS}
 
 _NAME = re.compile(rf"{GROUP}/(\d+)-(\d+)")
 
@@ -95,7 +99,7 @@ def read_certificate(path: str, name: str) -> Certification:
 def _certification(campaign: Campaign, group: ResultGroup) -> Certification:
     config = CampaignConfig.from_dict(campaign.config)
     a = group.arrays
-    names = [str(name) for name in a["name"]]
+    names = [str(name) for name in a["design"]]
     waveforms = {name: records.unpadded(rows) for name, rows in zip(names, a["waveform"], strict=True)}
     responses = {
         name: Judged(
@@ -129,15 +133,19 @@ def request_of(attributes: Mapping[str, Any]) -> Request:
         raise CertifyError(f"the group does not say what it certified ({e!r}); certify again") from e
 
 
-def write_certificate(path: str, result: Certification) -> None:
-    """Store the per-switch results, from which everything else follows, and the figures beside them for any reader."""
+def write_certificate(path: str, result: Certification, lot: Lot | None) -> None:
+    """Store the per-switch results, from which everything else follows, and the figures beside them for any reader.
+
+    lot: the fresh switches, whose properties are stored too: a reader need not know how they are drawn; None where they
+    are devices of which nobody knows them.
+    """
     designs = [*result.candidates, *result.references]
 
     def per_switch(values: list[NDArray[Any]], unit: str, meaning: str) -> GroupArray:
         return GroupArray(dims=("design", "fresh_switch"), values=np.stack(values), unit=unit, long_name=meaning)
 
     arrays = {
-        "name": GroupArray(dims=("design",), values=np.array([d.name for d in designs]), long_name="design"),
+        "design": GroupArray(dims=("design",), values=np.array([d.name for d in designs]), long_name="design"),
         "candidate": GroupArray(
             dims=("design",),
             values=np.array([-1 if d.candidate is None else d.candidate for d in designs]),
@@ -149,6 +157,7 @@ def write_certificate(path: str, result: Certification) -> None:
             unit="µs or V",
             long_name="start, rise, peak, volts; a peak of inf holds, rows of NaN are absent",
         ),
+        "parameter": parameters(),
         "max_contact_speed": per_switch(
             [d.response.max_contact_speed for d in designs], "µm/µs", "V of Eq. 7; NaN: never touched"
         ),
@@ -178,10 +187,23 @@ def write_certificate(path: str, result: Certification) -> None:
     for name, first in assessed[0].items():
         if name not in ("failed", "failure"):
             dims = ("design", "limit") if isinstance(first, np.ndarray) else ("design",)
-            unit = "cm/s" if name.endswith("_cm_s") else "1"
-            arrays[name] = GroupArray(dims=dims, values=np.array([record[name] for record in assessed]), unit=unit)
+            field = _FIELDS[name]
+            values = np.array([record[name] for record in assessed])
+            arrays[name] = GroupArray(dims=dims, values=values, unit=field.unit, long_name=field.long_name)
+    limits = [e.limit_cm_s for e in result.best.assessment.p_exceed]
+    arrays["limit"] = GroupArray(dims=("limit",), values=np.array(limits), unit="cm/s", long_name="contact-speed limit")
     if result.openings is not None:
         arrays |= opening_arrays(result.openings, "fresh_switch")
+    arrays["fresh_switch"] = GroupArray(
+        dims=("fresh_switch",),
+        values=np.arange(designs[0].response.closed.size),
+        long_name="index of the fresh switch, which is none of the campaign's",
+    )
+    if lot is not None:
+        arrays |= {
+            c.name: GroupArray(dims=("fresh_switch",), values=lot[c.name], unit=c.unit, long_name=c.long_name)
+            for c in map(COLUMNS.__getitem__, lot)
+        }
     request = result.request
     write_group(
         path,
@@ -191,7 +213,7 @@ def write_certificate(path: str, result: Certification) -> None:
             **asdict(request),
             "stream": int(Ensemble.CERTIFICATE),
             "sampling": "monte-carlo",
-            "limits_cm_s": [e.limit_cm_s for e in result.best.assessment.p_exceed],
+            "limits_cm_s": limits,
             "level": result.best.assessment.level,
             "confidence": result.best.assessment.confidence,
         },

@@ -84,7 +84,7 @@ def certify(
     )
     have = {} if stored is None else {d.name: d.response for d in (*stored.candidates, *stored.references)}
     result = certified_on(campaign, config, request, have, threads=threads, listener=listener)
-    write_certificate(path, result)
+    write_certificate(path, result, fresh_switches(config, n_switches, seed=seed))
     return result
 
 
@@ -108,7 +108,8 @@ def certify_again(path: str, name: str) -> None:
             "finish the campaign (softclose resume), then certify again"
         )
     config = CampaignConfig.from_dict(campaign.config)
-    write_certificate(path, certified_on(campaign, config, request, {}))
+    fresh = fresh_switches(config, request.n_switches, seed=request.seed)
+    write_certificate(path, certified_on(campaign, config, request, {}), fresh)
 
 
 def least_switches(config: CampaignConfig) -> int:

@@ -24,6 +24,7 @@ from softclose_workflows.analyses.certify import (
     certified_on,
     check_size,
     choose_distinct,
+    fresh_switches,
     least_switches,
     simulate_fresh,
 )
@@ -82,7 +83,7 @@ def certify_within(
     )
     have = {candidate_name(i): track.respond(chosen.index(i), last) for i in candidates}
     certification = certified_on(campaign, config, request, have, threads=threads)
-    write_certificate(path, certification)
+    write_certificate(path, certification, fresh_switches(config, last, seed=seed))
     return certification, _named(result, chosen)
 
 

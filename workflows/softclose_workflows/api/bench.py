@@ -285,7 +285,7 @@ class Bench:
         )
         waveforms = {name: Waveform.from_rows(campaign.waveform(index))}
         found = assemble(campaign, self.config, waveforms, {name: judged}, request)
-        write_certificate(self.path, found)
+        write_certificate(self.path, found, None)
         return found
 
     def _begin(self) -> None:

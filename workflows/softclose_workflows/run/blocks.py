@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
+from softclose.propose.plan import engine_of
 from softclose.propose.protocol import Wave
 from softclose.settings import CampaignConfig
 from softclose_store import MIN_INNER, StageLayout, largest_inner
@@ -31,6 +32,7 @@ def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageL
                 n_switches=n_switches,
                 block_candidates=_block_candidates([wave.size for wave in own], n_switches, config.block_switches),
                 block_switches=_block_switches(n_switches, config.block_switches),
+                engine=engine_of(config, name),
             )
         )
     return tuple(stages)

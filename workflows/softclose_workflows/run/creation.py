@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from softclose import ALGORITHM
 from softclose.evaluate import draw
+from softclose.evaluate.chain import device_of
+from softclose.metrics.replicates import REPLICATES
 from softclose.population.lot import COLUMNS, Lot
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig
+from softclose.switch.plate import EPSILON_0, V_STICK
 from softclose.waveform import FloatArray
 from softclose.waveform.spaces import SPACES
-from softclose_store import Layout, PopulationColumn, StoreError, create_campaign
+from softclose_store import Constant, Layout, PopulationColumn, StoreError, create_campaign
 from softclose_workflows.run.blocks import stage_layouts
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import times_us
@@ -30,6 +35,7 @@ def create_store(config: CampaignConfig, path: str) -> None:
             algorithm=ALGORITHM,
             durable=config.store.durable,
             population=population_columns(config),
+            constants=constants_of(config),
             runtime=runtime(),
             exist_ok=True,
         )
@@ -44,14 +50,33 @@ def lot_of(config: CampaignConfig) -> Lot:
 
 def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
     """The columns of the campaign's ensemble as they are stored, (n_switches_max,) each."""
-    lot = lot_of(config)
+    lot = _numbered(config, lot_of(config))
     return {name: lot[name] for name in lot}
 
 
 def column_names(config: CampaignConfig) -> tuple[PopulationColumn, ...]:
     """What the columns of the campaign's ensemble are."""
-    few = draw(config, 2, seed=config.campaign.seed)
+    few = _numbered(config, draw(config, 2, seed=config.campaign.seed))
     return tuple(PopulationColumn(name, COLUMNS[name].unit, COLUMNS[name].long_name) for name in few)
+
+
+def _numbered(config: CampaignConfig, lot: Lot) -> Lot:
+    """The lot with the scrambling of each switch, where it is drawn in several: a reader's intervals rest on it."""
+    if config.population.sampling != "replicated":
+        return lot
+    return lot.with_columns(replicate=np.arange(len(lot)) % REPLICATES)
+
+
+def constants_of(config: CampaignConfig) -> dict[str, Constant]:
+    """What all switches of a campaign share, for readers of its store who have nothing else."""
+    device = device_of(config)
+    return {
+        "epsilon_0": Constant(EPSILON_0, "F/m", "permittivity of the gap"),
+        "plate_area": Constant(device.plate_area_um2, "µm²", "area of the plate"),
+        "restitution": Constant(device.restitution, "1", "coefficient of restitution"),
+        "v_stick": Constant(V_STICK, "µm/µs", "speed of a rebound below which a pressed switch stays closed"),
+        "horizon": Constant(device.horizon_us, "µs", "end of the simulated time"),
+    }
 
 
 def layout_of(config: CampaignConfig) -> Layout:

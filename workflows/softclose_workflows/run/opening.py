@@ -34,6 +34,7 @@ from softclose_store import (
     read_group,
     write_group,
 )
+from softclose_store.schema.fields import PARAMETERS
 from softclose_workflows.run.records import padded_rows, unpadded
 from softclose_workflows.terminal import say
 
@@ -80,7 +81,7 @@ def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings
     write_group(
         path,
         name_of(candidate),
-        opening_arrays(found, "training_switch"),
+        opening_arrays(found, "switch"),
         {"candidate": candidate, "release_us": found.at_us},
         replace=True,
     )
@@ -121,7 +122,14 @@ def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
         values = np.stack([getattr(r, name) for r in released])
         return GroupArray(dims=("release", *dims), values=values, unit=unit, long_name=meaning)
 
+    n = len(released[0].held)
     return {
+        "release": GroupArray(
+            dims=("release",), values=np.array(["plain", "braked"][: len(released)]), long_name="without, with a brake"
+        ),
+        "quantile": GroupArray(dims=("quantile",), values=np.array([0.05, 0.5, 0.95]), long_name="of the switches"),
+        "parameter": parameters(),
+        switch: GroupArray(dims=(switch,), values=np.arange(n), long_name="index of the switch"),
         "release_waveform": GroupArray(
             dims=("release", "release_pulse", "parameter"),
             values=padded_rows([r.waveform for r in released]),
@@ -134,6 +142,11 @@ def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
         "release_quantiles": of("quantiles", ("quantile", "release_time"), "1", "5, 50 and 95 % of x / D"),
         **{f"release_{name}": of(name, (switch,), *words) for name, words in _PER_SWITCH.items()},
     }
+
+
+def parameters() -> GroupArray:
+    """What the columns of a waveform are."""
+    return GroupArray(dims=("parameter",), values=np.array(list(PARAMETERS)), long_name="columns of a waveform")
 
 
 def openings_of(config: CampaignConfig, arrays: Mapping[str, NDArray[Any]]) -> Openings | None:
