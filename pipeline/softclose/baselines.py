@@ -21,7 +21,7 @@ from softclose.population import Population
 from softclose.population.lot import Lot
 from softclose.switch.losses import Losses
 from softclose.switch.plate import holding_voltage, resonance
-from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
+from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform, is_above
 
 FloatArray = NDArray[np.float64]
 
@@ -140,7 +140,7 @@ def deterministic_design(
             f"{'closed' if landed.closed[0] else 'not closed'}): change the voltages"
         )
     peak = waveform.max_voltage(horizon_us)
-    if peak > max_volts * (1.0 + 1e-9):
+    if is_above(peak, max_volts):
         raise BaselineError(
             f"the pulses overlap and reach {peak:.4g} V; the sum may not exceed {max_volts:g} V: lower hold_volts"
         )

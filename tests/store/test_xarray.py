@@ -105,7 +105,7 @@ def test_the_best_is_found_whatever_stages_there_are(tmp_path: Path) -> None:
             run(path, n)
         records = tree_of(path)["candidates"].records
         sizes = records.sel(field="n_switches")
-        best = records.sel(field="g_cm_s").where(sizes == sizes.max()).idxmin("candidate")
+        best = records.sel(field="rank_cm_s").where(sizes == sizes.max()).idxmin("candidate")
         assert int(best) == open_campaign(path).best().candidate
         stage = str(tree_of(path)["candidates"].stage.sel(candidate=best).values)
         x = tree_of(path)[stage].x.sel(candidate=best)
@@ -166,7 +166,7 @@ def test_two_campaigns_join(whole: Path, tmp_path: Path) -> None:
             assert index.is_unique, name
             assert "" not in index, name
     joined = xr.concat([t[["records", "surrogate"]] for t in tables], dim="campaign", join="outer")
-    assert dict(joined.sizes) == {"campaign": 3, "candidate": 8, "field": 50 + 4 + 10, "hyperparameter": 3}
+    assert dict(joined.sizes) == {"campaign": 3, "candidate": 8, "field": 51 + 4 + 10, "hyperparameter": 3}
     assert set(joined.hyperparameter.values) == {"noise", "other", "scale"}
     assert_array_equal(joined.surrogate.sel(campaign=1, hyperparameter="other")[:4], 1.0)
 

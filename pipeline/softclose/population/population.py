@@ -206,7 +206,7 @@ class Population:
         (n, 4) ndarray of float64
             Columns as `variables`: D, G [µm], E [GPa], T [µm] of a plate.
         """
-        return self.quantile(_uniforms(n, seed=seed, sampling=sampling, start=start, stream=stream))
+        return self.quantile(self.uniforms(n, seed=seed, sampling=sampling, start=start, stream=stream))
 
     def uniforms(
         self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0

@@ -9,6 +9,7 @@ from softclose.waveform.pulses import FloatArray as FloatArray
 from softclose.waveform.pulses import Pulse as Pulse
 from softclose.waveform.pulses import Waveform as Waveform
 from softclose.waveform.pulses import WaveformError as WaveformError
+from softclose.waveform.pulses import is_above as is_above
 from softclose.waveform.recorded import Record as Record
 from softclose.waveform.recorded import read_record as read_record
 from softclose.waveform.recorded import read_trace as read_trace

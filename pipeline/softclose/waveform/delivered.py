@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from softclose.waveform.flat import IntArray, flatten_pulses
 from softclose.waveform.lowpass import deliver_flat, poles, room
-from softclose.waveform.pulses import MAX_VOLTS, FloatArray, Waveform, WaveformError
+from softclose.waveform.pulses import MAX_VOLTS, FloatArray, Waveform, WaveformError, is_above
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,5 +84,5 @@ class Delivered:
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
         """Raise WaveformError where |u| exceeds max_volts on [0, horizon]."""
         peak = self.max_voltage(horizon_us)
-        if peak > max_volts * (1.0 + 1e-9):
+        if is_above(peak, max_volts):
             raise WaveformError(f"{peak:.6g} V are delivered; {max_volts:g} V are allowed (waveform.max_volts)")

@@ -11,7 +11,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import ArrayLike
 
 from softclose.waveform.flat import IntArray
-from softclose.waveform.pulses import MAX_VOLTS, FloatArray, WaveformError
+from softclose.waveform.pulses import MAX_VOLTS, FloatArray, WaveformError, is_above
 from softclose.waveform.trace import Trace
 
 DEGREE = 7
@@ -94,7 +94,7 @@ class Fitted:
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
         """Raise WaveformError where |u| exceeds max_volts on [0, horizon]."""
         peak = self.max_voltage(horizon_us)
-        if peak > max_volts * (1.0 + 1e-9):
+        if is_above(peak, max_volts):
             raise WaveformError(f"the drive reaches {peak:.6g} V; {max_volts:g} V are allowed (waveform.max_volts)")
 
 

@@ -26,6 +26,15 @@ MAX_VOLTS = 150.0
 """Default limit on the sum of all pulses at any instant [V]."""
 
 
+VOLTS_SLACK = 1e-9
+"""Share of a limit by which a voltage may be above it: the last digits of a sum of pulses at their limit."""
+
+
+def is_above(peak: float, max_volts: float) -> bool:
+    """Whether a largest voltage is above what is allowed [V]."""
+    return peak > max_volts * (1.0 + VOLTS_SLACK)
+
+
 class WaveformError(ValueError):
     """A pulse or waveform that is malformed or inadmissible."""
 
@@ -234,7 +243,7 @@ class Waveform:
                 )
         max_volts = float(_numbers(max_volts, "max_volts"))
         peak = self.max_voltage(horizon_us)
-        if peak > max_volts * (1.0 + 1e-9):
+        if is_above(peak, max_volts):
             raise WaveformError(
                 f"the waveform reaches {peak:.6g} V; the sum of its pulses may not exceed {max_volts:g} V: "
                 "lower or separate the pulses, or raise waveform.max_volts"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from softclose.waveform.pulses import MAX_VOLTS, FloatArray, WaveformError
+from softclose.waveform.pulses import MAX_VOLTS, FloatArray, WaveformError, is_above
 
 
 @dataclass(frozen=True, slots=True, init=False, eq=False)
@@ -89,7 +89,7 @@ class Trace:
             Where the trace exceeds it.
         """
         peak = self.max_voltage(horizon_us)
-        if peak > max_volts * (1.0 + 1e-9):
+        if is_above(peak, max_volts):
             raise WaveformError(f"the trace reaches {peak:.6g} V; {max_volts:g} V are allowed (waveform.max_volts)")
 
     def simplified(self, tolerance_volts: float = 1e-6) -> Trace:

@@ -11,7 +11,7 @@ from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.settings import CampaignConfig, load_config
 from softclose.switch.plate import pull_in_voltage
-from softclose.waveform import Drive, Trace, WaveformError
+from softclose.waveform import Drive, Trace, WaveformError, is_above
 from softclose_store import GroupArray, StoreMissingError, open_campaign, store_state, write_group
 from softclose_workflows.analyses.certify import check_size, simulate_fresh
 from softclose_workflows.analyses.chosen import Chosen, choose
@@ -116,7 +116,7 @@ def check_drive(trace: Trace, config: CampaignConfig, *, max_volts: float | None
     horizon = config.model.horizon_us
     peak = trace.max_voltage(horizon)
     allowed = config.waveform.max_volts if max_volts is None else max_volts
-    if peak > allowed * (1.0 + 1e-9):
+    if is_above(peak, allowed):
         raise WaveformError(
             f"the record reaches {peak:.6g} V within {horizon:g} µs; {allowed:g} V are allowed (waveform.max_volts). "
             f"Are its voltages in mV? If it is the drive, say --max-volts {math.ceil(peak)}"

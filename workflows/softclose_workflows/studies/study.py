@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.waveform import is_above
 from softclose_workflows.analyses.certify import Certification, assess_fresh, simulate_fresh
 from softclose_workflows.studies.series import Effort, Member, run_series
 from softclose_workflows.studies.study_file import Study
@@ -91,11 +92,10 @@ def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certifica
     with bar("every optimum under every value", quiet=effort.quiet) as listener:
         for i, (member, own) in enumerate(zip(members, certifications, strict=True)):
             config = member.config
-            limit = config.waveform.max_volts * (1.0 + 1e-9)
             columns = [
                 j
                 for j, waveform in enumerate(waveforms)
-                if j != i and waveform.max_voltage(config.model.horizon_us) <= limit
+                if j != i and not is_above(waveform.max_voltage(config.model.horizon_us), config.waveform.max_volts)
             ]
             g[i, i] = own.best.assessment.g_cm_s
             responses = simulate_fresh(
