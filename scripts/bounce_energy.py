@@ -36,12 +36,12 @@ for i in range(campaign.committed):
             "candidate": i,
             "energy_90_nJ": np.quantile(energy[closed], 0.9) if closed.any() else np.nan,
             "impacts_mean": responses.n_impacts.mean(),
-            "p_nc": 1 - closed.mean(),
+            "p_nc": np.mean(~closed),
         }
     )
 
 table = pd.DataFrame(rows).set_index("candidate").join(campaign.history()[["g_cm_s", "v_u_cm_s"]])
-table["rank_by_g"] = table["g_cm_s"].rank()
+table["rank_by_g"] = table["g_cm_s"].rank().astype("Int64")
 print("90 % quantile of the energy left in the contact, over the switches that close")
 table = table[table["p_nc"] <= options.most_open]  # what leaves the lot open spares its contacts, and is no result
 if table.empty:

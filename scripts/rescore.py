@@ -35,5 +35,5 @@ for i in range(campaign.committed):
     rows.append({"candidate": i, "g_cm_s": v_u + options.c1 * p_nc, "v_u_cm_s": v_u, "p_nc": p_nc})
 
 table = pd.DataFrame(rows).set_index("candidate")
-table["rank_before"] = campaign.history()["g_cm_s"].rank()
+table["rank_before"] = campaign.history()["g_cm_s"].rank().astype("Int64")
 print(table.sort_values("g_cm_s").head(options.n).round(4).to_string())

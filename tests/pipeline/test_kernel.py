@@ -249,3 +249,11 @@ def test_the_error_falls_with_the_tolerance():
         errors.append(float(np.median(np.abs(v - tight.max_contact_speed)[touched])))
     assert errors[0] > 10 * errors[1] > 100 * errors[2] > 1000 * errors[3]
     assert errors[1] < 1e-7
+
+
+def test_rows_as_a_store_keeps_them_are_a_waveform():
+    drive = Waveform([Pulse(start_us=0.0, rise_us=4.0, peak_us=math.inf, volts=100.0)])
+    switches = np.array([[2.43, 3.68, 65.3, 3.41], [2.5, 3.7, 60.0, 3.3]])
+    speeds = simulate(switches, drive.rows()).max_contact_speed
+    np.testing.assert_array_equal(speeds, simulate(switches, drive).max_contact_speed)
+    assert (speeds > 0.1).all()

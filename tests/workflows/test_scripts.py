@@ -7,25 +7,29 @@ import re
 import runpy
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from softclose_store import open_campaign
+from softclose.waveform import Waveform
+from softclose_store import Campaign, open_campaign
 
 FOLDER = Path(__file__).parents[2] / "scripts"
 SCRIPTS = sorted(p for p in FOLDER.glob("*.py") if not p.name.startswith("generate_"))  # those write source code
 ALLOWED = {"argparse", "math", "sys", "matplotlib", "numpy", "pandas", "xarray", "softclose_store"}
 
 
-def run(name: str, *arguments: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def run(name: str, *arguments: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the script has at its end."""
     import matplotlib as mpl
     import matplotlib.pyplot as plt
 
     mpl.use("Agg")
     monkeypatch.setattr(sys, "argv", [name, *arguments])
-    runpy.run_path(str(FOLDER / name), run_name="__main__")
+    left: dict[str, Any] = runpy.run_path(str(FOLDER / name), run_name="__main__")
     plt.close("all")
+    return left
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.name)
@@ -62,6 +66,74 @@ def test_a_figure_is_drawn(
         assert min(image.size) > 200
         assert getattr(image, "n_frames", 1) == (5 if script.startswith("animate") else 1)
         assert np.asarray(image.convert("L")).std() > 5  # not blank
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.name)
+def test_a_wrong_path_is_one_line_and_no_traceback(
+    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as e:
+        run(script.name, str(tmp_path / "nothing.zarr"), monkeypatch=monkeypatch)
+    assert e.value.code == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert f"{script.name}: error: " in last
+    assert "nothing.zarr" in last
+
+
+def test_the_drive_is_drawn_with_its_peaks_and_dips(
+    finished_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not on the instants of the trajectories, which are 1 µs apart or more."""
+    left = run("best_waveform.py", str(finished_store), "-o", str(tmp_path / "a.png"), monkeypatch=monkeypatch)
+    (line,) = left["axes"][0].lines
+    drive = Waveform.from_rows(left["best"].waveform)
+    t = np.linspace(0.0, left["t"][-1], 200_001)
+    assert line.get_ydata().max() == pytest.approx(drive.max_voltage(left["t"][-1]), abs=0.02)
+    np.testing.assert_allclose(np.interp(t, *line.get_data()), drive.voltage(t), atol=0.05)
+
+
+def test_the_phase_portrait_has_a_corner_at_each_impact_and_nowhere_else(
+    finished_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = run("phase_portrait.py", str(finished_store), "-o", str(tmp_path / "a.png"), monkeypatch=monkeypatch)
+    campaign, responses = left["campaign"], left["responses"]
+    travel, smooth = campaign.population()["D"], left["smooth"]
+    for i in range(left["n"]):
+        x, v = smooth(i)
+        assert x.max() <= travel[i] * 1.01
+        speeds = responses.impact_speed[i]
+        jumps = np.flatnonzero(np.abs(np.diff(v)) > 0.02)  # 2 cm/s between two of eight points of 1 µs or less
+        for speed in speeds[np.isfinite(speeds) & (speeds > 0.02)]:
+            assert np.isclose(v, speed, atol=1e-9).any()
+        assert np.allclose(x[jumps], travel[i], rtol=0.02) or responses.n_impacts[i] > speeds.size
+
+
+def test_scales_that_are_the_same_for_all_make_no_nan(
+    finished_store: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = Campaign.population
+
+    def with_scales(self: Campaign) -> dict[str, np.ndarray]:
+        found = dict(own(self))
+        return found | {"voltage_scale": np.ones(len(found["D"])), "time_scale": np.ones(len(found["D"]))}
+
+    monkeypatch.setattr(Campaign, "population", with_scales)
+    run("worst_switches.py", str(finished_store), "-n", "3", monkeypatch=monkeypatch)
+    printed = capsys.readouterr().out
+    assert "voltage_scale" in printed
+    assert "NaN" not in printed
+
+
+def test_a_candidate_that_leaves_the_lot_open_is_not_ranked_by_its_energy(
+    finished_store: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shares = open_campaign(finished_store).history()["p_nc"]
+    most = float(np.sort(shares)[4])
+    run("bounce_energy.py", str(finished_store), "-n", "99", "--most-open", repr(most), monkeypatch=monkeypatch)
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[3:]]
+    assert sorted(int(row[0]) for row in rows) == sorted(shares.index[shares <= most])
+    with pytest.raises(SystemExit):
+        run("bounce_energy.py", str(finished_store), "--most-open", "-1", monkeypatch=monkeypatch)
 
 
 def test_convergence_draws_several_stores(
@@ -105,7 +177,7 @@ def test_rescoring_with_the_campaign_s_own_objective_gives_its_own_g(
 def test_energies_come_from_the_stored_impacts(
     finished_store: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run("bounce_energy.py", str(finished_store), monkeypatch=monkeypatch)
+    run("bounce_energy.py", str(finished_store), "--most-open", "1", monkeypatch=monkeypatch)
     assert "energy_90_nJ" in capsys.readouterr().out
 
 

@@ -16,7 +16,7 @@ from softclose.population.lot import Lot
 from softclose.switch.losses import Losses
 from softclose.switch.plate import V_STICK, OtherAreaError, plate_area_of
 from softclose.switch.reduced_order import ReducedOrder
-from softclose.waveform import MAX_VOLTS, AnyDrive
+from softclose.waveform import MAX_VOLTS, AnyDrive, Waveform
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -126,7 +126,7 @@ _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 def simulate(
     switches: Lot | ArrayLike,
-    waveform: AnyDrive,
+    waveform: AnyDrive | FloatArray,
     *,
     horizon_us: float = 250.0,
     restitution: float | FloatArray = 0.5,
@@ -154,8 +154,9 @@ def simulate(
     ----------
     switches : Lot or (n, 4) array-like of float64
         Columns D [µm], G [µm], K [N/m], M [µg].
-    waveform : Waveform, Delivered, Fitted or Trace
-        The drive voltage. A trace takes a step for each of its samples (`Fitted.of`, `Trace.simplified`).
+    waveform : Waveform, Delivered, Fitted, Trace or (n_pulse, 4) ndarray of float64
+        The drive voltage; an array has rows of start, rise, flat top [µs] and volts, as stores keep them. A
+        trace takes a step for each of its samples (`Fitted.of`, `Trace.simplified`).
     horizon_us : float
         End of the simulation [µs].
     restitution : float or (n,) ndarray
@@ -217,6 +218,8 @@ def simulate(
         raise SimulationError(f"rtol is {rtol!r}; below {RTOL_RANGE[0]:g} rounding dominates: use a larger one")
     if method not in dispatch.METHODS:
         raise SimulationError(f"method is {method!r}; it must be one of {', '.join(dispatch.METHODS)}")
+    if isinstance(waveform, np.ndarray) and waveform.ndim == 2 and waveform.shape[1] == 4:
+        waveform = Waveform.from_rows(waveform)
     if not isinstance(waveform, AnyDrive):
         raise SimulationError(
             f"waveform is a {type(waveform).__name__}; it must be a softclose.Waveform, e.g. Waveform([Pulse(...)])"
