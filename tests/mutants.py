@@ -16,6 +16,7 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -34,6 +35,8 @@ ROOT = Path(__file__).parents[1]
 TABLE = Path(__file__).with_suffix(".toml")
 RESULTS = ROOT / "docs" / "measurements" / "mutants.json"
 PAGE = RESULTS.with_suffix(".md")
+DATED = "29 November 2026"
+"""Since when a score says when it was made."""
 COPIED = ("pipeline", "store", "workflows", "tests", "pyproject.toml", "README.md", "docs", "scripts", "benchmarks")
 SOURCES = ("pipeline", "store", "workflows")
 MEMORY_BYTES = 8 * 2**30
@@ -229,15 +232,17 @@ def page(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> str:
         f"The sample is {table['sample']} places a module, or all there are, by a fixed seed. A survivor whose",
         "program does the same as the original, or differs in nothing that a test should claim, is named below with",
         "the reason and does not count. The first score is that of the tests before their survivors were looked at.",
+        "It takes hours: it is run before a release, and for a module whose tests change. The last column says when",
+        f"and on which commit a module was scored last; a row without it is older than {DATED}.",
         "",
-        "| module | places | tried | killed | equivalent | survive | score | first |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "| module | places | tried | killed | equivalent | survive | score | first | last run |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
     ]
     details: list[str] = []
     for module, entry in table["modules"].items():
         name = f"`{module.split('/', 1)[1]}`"
         if module not in scores:
-            lines.append(f"| {name} | | | | | | not scored yet | |")
+            lines.append(f"| {name} | | | | | | not scored yet | | |")
             continue
         outcomes = scores[module]["outcomes"]
         same = {(e["before"], e["after"]): e["why"] for e in entry.get("equivalent", ())}
@@ -246,7 +251,8 @@ def page(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> str:
         alive = [o for o in outcomes if not o["killed"] and (o["before"], o["after"]) not in same]
         rate = killed / max(len(outcomes) - len(excused), 1)
         counts = f"{scores[module]['places']} | {len(outcomes)} | {killed} | {len(excused)} | {len(alive)}"
-        lines.append(f"| {name} | {counts} | {rate:.0%} | {scores[module]['first']} |")
+        when = " ".join(scores[module].get(key, "") for key in ("date", "commit")).strip()
+        lines.append(f"| {name} | {counts} | {rate:.0%} | {scores[module]['first']} | {when} |")
         if excused or alive:
             details += ["", f"## {name}", ""]
             for o in alive:
@@ -254,6 +260,13 @@ def page(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> str:
             for o in excused:
                 details.append(f"* equivalent: `{o['before']}` → `{o['after']}`. {same[o['before'], o['after']]}")
     return "\n".join([*lines, *details]) + "\n"
+
+
+def stamp() -> dict[str, str]:
+    """Today, and the commit that is scored; a + where the tree differs from it."""
+    words = ["git", "-C", str(ROOT), "describe", "--always", "--abbrev=9", "--dirty=+", "--exclude=*"]
+    commit = subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
+    return {"date": time.strftime("%Y-%m-%d", time.gmtime()), "commit": commit}
 
 
 def main() -> None:
@@ -279,7 +292,8 @@ def main() -> None:
                 known[text] = known.get(text, True) and o["killed"]  # two lines may read the same
             result = score(target, free, options.jobs, table["sample"], table["seed"], known)
             killed = sum(o.killed for o in result.outcomes)
-            scores[module] = asdict(result) | {"first": last.get("first", f"{killed} of {len(result.outcomes)}")}
+            first = last.get("first", f"{killed} of {len(result.outcomes)}")
+            scores[module] = asdict(result) | stamp() | {"first": first}
             print(f"{module}: {killed} of {len(result.outcomes)} killed in {result.seconds:.0f} s", flush=True)
             for o in result.outcomes:
                 if not o.killed:

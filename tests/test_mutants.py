@@ -51,13 +51,15 @@ def test_the_page_counts_what_survives_without_an_excuse():
         return {"line": 1, "before": before, "after": "x", "killed": killed}
 
     outcomes = [outcome("a", True), outcome("b", True), outcome("c", True), outcome("d", False), outcome("e", False)]
-    scores = {"p/m.py": {"places": 9, "outcomes": outcomes, "first": "1 of 5"}}
+    scores = {
+        "p/m.py": {"places": 9, "outcomes": outcomes, "first": "1 of 5", "date": "2026-11-29", "commit": "0123abc"}
+    }
     table = {
         "sample": 5,
         "modules": {"p/m.py": {"equivalent": [{"before": "e", "after": "x", "why": "The same."}]}, "p/n.py": {}},
     }
     page = mutants.page(table, scores)
-    assert "| `m.py` | 9 | 5 | 3 | 1 | 1 | 75% | 1 of 5 |" in page
+    assert "| `m.py` | 9 | 5 | 3 | 1 | 1 | 75% | 1 of 5 | 2026-11-29 0123abc |" in page
     assert "* survives: `d` → `x`" in page
     assert "* equivalent: `e` → `x`. The same." in page
-    assert "| `n.py` | | | | | | not scored yet | |" in page
+    assert "| `n.py` | | | | | | not scored yet | | |" in page
