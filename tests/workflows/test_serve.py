@@ -6,6 +6,7 @@ import http.client
 import itertools
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -20,10 +21,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import given, seed
+from hypothesis import strategies as st
 
 from campaigns import command, softclose
 from reported import HOSTILE, chromium, hostile_store
 from small_campaigns import COARSE, finish, make_campaign
+from softclose_store import DriverStore
+from softclose_workflows.analyses.certify import certify
 from softclose_workflows.report import live
 from softclose_workflows.report.live import Folder, Server
 from test_report_browser import ARGUMENTS, Visit
@@ -205,6 +210,64 @@ def test_the_page_follows_a_campaign_in_a_browser(theme: str, server: Server, tm
         visit.page.wait_for_selector("html[data-ready] #fig-convergence .main-svg", state="attached", timeout=60_000)
         assert visit.said == []
         assert all(url.startswith((server.address, "blob:", "data:")) for url in visit.requests), visit.requests
+        browser.close()
+
+
+@seed(39)
+@given(st.lists(st.integers(0, 10**6), min_size=2, max_size=6), st.text("ab-_", max_size=3))
+def test_numbers_in_names_are_sorted_as_people_count(numbers: list[int], stem: str) -> None:
+    names = sorted((f"{stem}{n}.zarr" for n in numbers), key=live.natural)
+    assert [int(re.findall(r"\d+", name)[0]) for name in names] == sorted(numbers)
+
+
+def test_a_certificate_counts_as_soon_as_it_is_there(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "a.zarr", *COARSE)
+    folder = Folder(tmp_path)
+    (before,) = folder.states()
+    assert before.certified is None
+    found = certify(path, n_switches=300, top=2)
+    (after,) = folder.states()
+    assert after.certified is not None
+    assert (after.certified["candidate"], after.certified["n_switches"]) == (found.best.candidate, 300)
+    assert after.certified["p_nc"] == found.best.assessment.p_nc
+    json.dumps(asdict(after), allow_nan=False)
+
+
+@pytest.mark.skipif(chromium() is None, reason="needs chromium, which is not installed")
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_many_campaigns_are_a_table_with_those_that_run_first_and_a_filter(
+    theme: str, server: Server, tmp_path: Path
+) -> None:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    shutil.copytree(hostile_store(), tmp_path / "run-1.zarr")
+    for k in (2, 10, 11):
+        shutil.copytree(tmp_path / "run-1.zarr", tmp_path / f"run-{k}.zarr")
+    certify(str(tmp_path / "run-2.zarr"), n_switches=300, top=1)
+    growing = make_campaign(tmp_path / "run-9.zarr", *COARSE, run=False)
+    with playwright.sync_playwright() as p, DriverStore(growing):
+        browser = p.chromium.launch_persistent_context(
+            tmp_path.parent / f"profile-table-{theme}",
+            executable_path=chromium(),
+            headless=True,
+            args=ARGUMENTS,
+            viewport={"width": 1280, "height": 800},
+            color_scheme=theme,
+        )
+        visit = Visit(browser.pages[0])
+        visit.page.goto(server.address)
+        rows = "() => [...document.querySelectorAll('.campaigns tbody tr')].map(r => r.dataset.store)"
+        visit.until(f"() => ({rows})().length === 5")
+        order = ["run-9.zarr", "run-1.zarr", "run-2.zarr", "run-10.zarr", "run-11.zarr"]
+        assert visit.page.evaluate(rows) == order
+        assert "running" in visit.page.inner_text("[data-store='run-9.zarr']")
+        assert "on 300" in visit.page.inner_text("[data-store='run-2.zarr']")
+        paper = visit.page.evaluate("() => getComputedStyle(document.body).backgroundColor")
+        assert paper == ("rgb(255, 255, 255)" if theme == "light" else "rgb(18, 22, 27)")
+        visit.page.fill("#filter", "run-1")
+        assert visit.page.evaluate(rows) == ["run-1.zarr", "run-10.zarr", "run-11.zarr"]
+        visit.page.fill("#filter", "running")
+        assert visit.page.evaluate(rows) == ["run-9.zarr"]
+        assert visit.said == []
         browser.close()
 
 

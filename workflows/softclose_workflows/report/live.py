@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import threading
 import time
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ import numpy as np
 
 from softclose import __version__
 from softclose_store import Holder, StoreError, lock_holder, open_campaign
+from softclose_workflows.analyses.certificates import GROUP, read_certification
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_live, render_report
 from softclose_workflows.report.shapes import best_so_far, changes
@@ -49,6 +51,8 @@ class State:
     failed: int = 0
     best: dict[str, Any] | None = None
     """candidate, g_cm_s, v_u_cm_s, p_nc, n_switches and warning of the best; None before there is one."""
+    certified: dict[str, Any] | None = None
+    """candidate, g_cm_s, v_u_cm_s, p_nc and n_switches of the certificate that counts; None where there is none."""
     history: tuple[list[int], list[float]] = field(default_factory=lambda: ([], []))
     """Candidates at which the best so far changes, and its g from there [cm/s]."""
     larger: tuple[tuple[int, int], ...] = ()
@@ -66,7 +70,7 @@ class Folder:
     """The stores of a folder. What has not changed on the disk is not read again."""
 
     path: Path
-    _known: dict[Path, tuple[tuple[int, Holder | None], State]] = field(default_factory=dict)
+    _known: dict[Path, tuple[tuple[int, int, Holder | None], State]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def stores(self) -> dict[str, Path]:
@@ -74,7 +78,7 @@ class Folder:
         if (self.path / "zarr.json").is_file():
             return {self.path.name: self.path}
         found = (p.parent for p in self.path.glob("*/zarr.json") if not p.parent.is_symlink())
-        return {p.name: p for p in sorted(found)}
+        return {p.name: p for p in sorted(found, key=lambda p: natural(p.name))}
 
     def states(self) -> list[State]:
         """Every store as it stands, by name."""
@@ -90,11 +94,25 @@ class Folder:
                 except (StoreError, OSError) as e:
                     found.append(State(store=_shown(name), report=_address(name), problem=str(e)))
                     continue
-                version = changed, holder
+                version = changed, _certified_at(path), holder
                 if self._known.get(path, (None,))[0] != version:
                     self._known[path] = version, _read(name, path, holder)
                 found.append(self._known[path][1])
             return found
+
+
+def natural(name: str) -> tuple[tuple[bool, int, str], ...]:
+    """What names are sorted by as people count: `run-9` before `run-10`."""
+    parts = re.split(r"([0-9]+)", name.casefold())
+    return tuple((part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts)
+
+
+def _certified_at(path: Path) -> int:
+    """When certificates were last written; 0 where there are none."""
+    try:
+        return (path / GROUP).lstat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 def _shown(name: str) -> str:
@@ -142,11 +160,31 @@ def _state(name: str, path: Path, holder: Holder | None) -> State:
             "n_switches": b.n_switches,
             "warning": standing.warning,
         },
+        certified=_certified(path),
         history=([int(i) for i in usable[steps]], [round(float(g), 4) for g in best[steps]]),
         larger=larger,
         left_s=left if math.isfinite(left) and not standing.finished else None,
         driver="" if holder is None else str(holder),
     )
+
+
+def _certified(path: Path) -> dict[str, Any] | None:
+    """The figures of the certificate that counts; a damaged one is `verify`'s business, and none here."""
+    try:
+        found = read_certification(str(path))
+    except StoreError:
+        return None
+    if found is None:
+        return None
+    a = found.best.assessment
+    return {
+        "candidate": found.best.candidate,
+        "g_cm_s": a.g_cm_s if math.isfinite(a.g_cm_s) else None,
+        "v_u_cm_s": a.v_u_cm_s if math.isfinite(a.v_u_cm_s) else None,
+        "p_nc": a.p_nc,
+        "n_switches": found.n_switches,
+        "warning": a.open_warning,
+    }
 
 
 class Server(ThreadingHTTPServer):

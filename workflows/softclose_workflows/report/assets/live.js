@@ -45,32 +45,85 @@
     return svg;
   }
 
+  const percent = (share) => `${(100 * share).toFixed(2)} %`;
+  const speed = (v) => (v === null ? "undefined" : `${v.toFixed(2)} cm/s`);
+  const count = (n) => n.toLocaleString("en");
+  const state = (campaign) => (campaign.problem ? "cannot be read" : campaign.committed === campaign.budget ? "finished" : campaign.driver ? "running" : "stopped");
+  const left = (campaign) => (state(campaign) === "running" && campaign.left_s !== null ? `about ${duration(campaign.left_s)} left` : "");
+
+  // What is known best of a campaign: its certificate where it has one, else the training scores of its best candidate.
+  function figures(campaign) {
+    const found = campaign.certified || campaign.best;
+    if (!found) return null;
+    const basis = campaign.certified ? `certified on ${count(found.n_switches)} new switches` :
+      `not certified; optimistic, since tuned on these ${count(found.n_switches)} switches`;
+    return { found, basis, open: `${percent(found.p_nc)} left open${campaign.certified ? "" : found.not_integrated}` };
+  }
+
   function card(campaign) {
     const link = element("a", { href: campaign.report }, campaign.store);
-    if (campaign.problem) return element("section", { class: "campaign" }, element("h2", {}, campaign.store), element("p", { class: "notice warn" }, campaign.problem));
-    const done = campaign.committed === campaign.budget;
-    const words = [done ? "finished" : campaign.driver ? "running" : "not running", `${campaign.committed} of ${campaign.budget} candidates`];
-    if (!done && campaign.driver && campaign.left_s !== null) words.push(`about ${duration(campaign.left_s)} left`);
-    if (campaign.failed) words.push(`${campaign.failed} failed`);
+    if (campaign.problem) return element("section", { class: "campaign", "data-store": campaign.store }, element("h2", {}, campaign.store), element("p", { class: "notice warn" }, campaign.problem));
+    const words = [state(campaign), `${count(campaign.committed)} of ${count(campaign.budget)} candidates`];
+    if (left(campaign)) words.push(left(campaign));
+    if (campaign.failed) words.push(`${count(campaign.failed)} failed`);
     const bar = element("progress", { max: campaign.budget, value: campaign.committed, "aria-label": "Committed candidates" });
     const made = element("section", { class: "campaign", "data-store": campaign.store, "data-committed": campaign.committed },
       element("h2", {}, link), element("p", { class: "lead" }, campaign.name), bar, element("p", { class: "words" }, words.join(" · ")));
-    const b = campaign.best;
-    if (b) {
-      const v = b.v_u_cm_s === null ? "undefined" : `${b.v_u_cm_s.toFixed(2)} cm/s`;
-      made.append(element("p", {}, element("strong", {}, `best g ${b.g_cm_s.toFixed(2)} cm/s`),
-        `, upper velocity ${v}, ${(100 * b.p_nc).toFixed(1)} % not closed${b.not_integrated} (candidate ${b.candidate}, not certified; optimistic, since tuned on these ${b.n_switches.toLocaleString("en")} switches)`));
-      if (b.warning) made.append(element("p", { class: "notice warn" }, b.warning));
-      made.append(history(campaign), element("p", { class: "small" }, "Best g so far (cm/s)" + (campaign.larger.length ? "; a dotted line where a larger ensemble begins." : ".")));
+    const known = figures(campaign);
+    if (known) {
+      made.append(element("p", {}, element("strong", {}, `upper velocity ${speed(known.found.v_u_cm_s)}, ${known.open}`),
+        ` (candidate ${known.found.candidate}, ${known.basis})`));
+      if (known.found.warning) made.append(element("p", { class: "notice warn" }, known.found.warning));
     }
+    if (campaign.best)
+      made.append(history(campaign), element("p", { class: "small" }, "Training score g of the best candidate so far (cm/s)" + (campaign.larger.length ? "; a dotted line marks where a larger ensemble begins." : ".")));
     return made;
   }
+
+  // More than a few campaigns are a table: those that run first, the others as people count.
+  const FEW = 4;
+  const filter = document.getElementById("filter");
+
+  function row(campaign) {
+    const known = figures(campaign);
+    const cells = campaign.problem
+      ? [element("td", { colspan: 5 }, campaign.problem)]
+      : [
+          element("td", { class: "n" }, `${count(campaign.committed)} of ${count(campaign.budget)}`),
+          element("td", {}, left(campaign)),
+          element("td", { class: "n" }, known ? speed(known.found.v_u_cm_s) : ""),
+          element("td", { class: "n" }, known ? percent(known.found.p_nc) + (known.found.warning ? " !" : "") : ""),
+          element("td", {}, known ? (campaign.certified ? `on ${count(known.found.n_switches)}` : "no") : ""),
+        ];
+    if (known && known.found.warning) cells[3].setAttribute("title", known.found.warning);
+    return element("tr", { "data-store": campaign.store, "data-committed": campaign.committed, class: state(campaign).replace(/ /g, "-") },
+      element("th", { scope: "row" }, campaign.problem ? campaign.store : element("a", { href: campaign.report }, campaign.store), element("span", { class: "interval" }, campaign.name)),
+      element("td", {}, state(campaign)), ...cells);
+  }
+
+  function table(campaigns) {
+    const heads = ["Campaign", "State", "Candidates", "Time left", "Upper velocity", "Left open", "Certified"];
+    const body = element("tbody", {}, ...campaigns.map(row));
+    return element("div", { class: "wide", tabindex: "0", role: "region", "aria-label": "Campaigns" },
+      element("table", { class: "plain campaigns" }, element("thead", {}, element("tr", {}, ...heads.map((h, i) => element("th", { scope: "col", ...(i === 2 || i === 4 || i === 5 ? { class: "n" } : {}) }, h)))), body));
+  }
+
+  let known = [];
+  function show() {
+    const wanted = filter.value.trim().toLowerCase();
+    const order = [...known].sort((a, b) => (state(b) === "running") - (state(a) === "running")); // stable: else as listed
+    const shown = order.filter((c) => `${c.store} ${c.name} ${state(c)}`.toLowerCase().includes(wanted));
+    document.getElementById("filtering").hidden = known.length <= FEW;
+    place.replaceChildren(...(known.length > FEW ? [table(shown)] : order.map(card)));
+  }
+  filter.addEventListener("input", show);
 
   const stream = new EventSource("events");
   stream.onmessage = (event) => {
     const campaigns = JSON.parse(event.data);
     said.textContent = campaigns.length ? `${campaigns.length} in this folder; this page follows them.` : "No campaign in this folder yet; this page waits for one.";
-    place.replaceChildren(...campaigns.map(card));
+    known = campaigns;
+    show();
     document.documentElement.dataset.ready = "";
   };
   stream.onerror = () => { said.textContent = "The server does not answer; what is shown may be old. Trying again …"; };
