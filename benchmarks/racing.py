@@ -9,13 +9,15 @@ import argparse
 import shutil
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from softclose_workflows import api
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.analyses.finalists import certify_within
-from softclose_workflows.run.executors.placement import n_cores
+from softclose_workflows.run.crew import open_crew
+from softclose_workflows.run.executors import Placement
 
 
 def main() -> None:
@@ -27,7 +29,7 @@ def main() -> None:
     parser.add_argument("--within", type=float, default=0.05)
     options = parser.parse_args()
     first, last = (int(v) for v in options.seeds.split("-"))
-    size = {"n_switches": options.switches, "top": options.top, "threads": n_cores()}
+    size: dict[str, Any] = {"n_switches": options.switches, "top": options.top}
     print("| seed | best in full | best of the race | loses | its margin | switches | trajectories |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     spent = []
@@ -36,8 +38,9 @@ def main() -> None:
             settings = [f"campaign.seed={seed}", "finish.grows=true", "store.n_times=2"]
             store = api.run(options.preset, Path(folder) / "a.zarr", settings=settings).store
             other = shutil.copytree(store, Path(folder) / "b.zarr")
-            full = certify(store, **size)
-            _, race = certify_within(str(other), options.within, **size)
+            with open_crew(Placement()) as crew:
+                full = certify(store, **size, mapper=crew)
+                _, race = certify_within(str(other), options.within, **size, mapper=crew)
             lap = race.laps[-1]
             g = {d.candidate: d.assessment.g_cm_s for d in full.candidates}
             share = race.trajectories / (options.switches * len(full.candidates))

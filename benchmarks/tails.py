@@ -9,10 +9,13 @@ import argparse
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 from softclose import Waveform
 from softclose.settings import load_config
 from softclose.uncertainty.tails import METHODS, tail
+from softclose_workflows.run.crew import open_crew
+from softclose_workflows.run.executors import Placement
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results" / "table.json"
 
@@ -31,10 +34,9 @@ def main() -> None:
         words = f"V > {limit:g} cm/s" if event == "fast" else "stays open"
         for method in METHODS:
             begin = time.perf_counter()
-            (t,) = tail(
-                config, waveform, event, limit_cm_s=limit, methods=[method], n_switches=options.switches,
-                threads=options.threads,
-            )  # fmt: skip
+            asked: Any = {"limit_cm_s": limit, "methods": [method], "n_switches": options.switches}
+            with open_crew(Placement(), threads=options.threads) as crew:
+                (t,) = tail(config, waveform, event, **asked, mapper=crew)
             spent = time.perf_counter() - begin
             known = t.interval[0] == t.interval[0]
             interval = f"{t.interval[0]:.3g} – {t.interval[1]:.3g}" if known else t.note

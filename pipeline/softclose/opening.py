@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from softclose.conditions.streams import BRAKE
 from softclose.evaluate.chain import chain_of
+from softclose.evaluate.pieces import Mapper, Sent, here
 from softclose.evaluate.respond import cases_of, drives_of, respond_each
 from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_estimate
 from softclose.population.lot import Lot
@@ -37,6 +38,8 @@ AT_REST_SOFT = 1e-3
 """Speed [µm/µs] up to which it is in a compliant one, whose last ringing fades without end: 0.1 cm/s."""
 LOOKS = 800
 """Sampling instants after release."""
+WATCHED = 2000
+"""Switches whose motion is in memory at once."""
 GENERATION = 12
 """CMA-ES population size of the brake's search."""
 LEAST_HELD = 10
@@ -118,14 +121,14 @@ def opened(waveform: Waveform, at_us: float) -> Waveform:
 
 
 def judge_opening(
-    config: CampaignConfig, switches: Lot | FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
+    config: CampaignConfig, switches: Lot | FloatArray, waveform: Waveform, *, at_us: float, mapper: Mapper = here
 ) -> Opening:
     """Judge a release: `let_go`, then `assess_opening`; parameters and errors are theirs."""
-    return assess_opening(config, let_go(config, switches, waveform, at_us=at_us, threads=threads))
+    return assess_opening(config, let_go(config, switches, waveform, at_us=at_us, mapper=mapper))
 
 
 def let_go(
-    config: CampaignConfig, switches: Lot | FloatArray, waveform: Waveform, *, at_us: float, threads: int = 1
+    config: CampaignConfig, switches: Lot | FloatArray, waveform: Waveform, *, at_us: float, mapper: Mapper = here
 ) -> Released:
     """Simulate a release, and `opening.watch_us` after the fall began.
 
@@ -139,16 +142,34 @@ def let_go(
         The whole drive, its fall from `at_us` on.
     at_us : float
         Begin of the fall [µs].
-    threads : int
-        For the simulation.
+    mapper : Mapper
+        Who simulates, `WATCHED` switches a piece.
 
     Returns
     -------
     Released
 
-        Of each switch its worst, where the campaign tries several temperatures.
+        Of each switch its worst, where the campaign tries several temperatures; the motion is that of the first piece.
     """
-    lot = Lot.of(switches)
+    lot, sent = Lot.of(switches), Sent(config)
+    pieces = [
+        _Let(sent, lot.rows(slice(start, start + WATCHED)), waveform, at_us) for start in range(0, len(lot), WATCHED)
+    ]
+    return joined(list(mapper(_let_go, pieces)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Let:
+    """Switches that are let go at once."""
+
+    sent: Sent
+    lot: Lot
+    waveform: Waveform
+    at_us: float
+
+
+def _let_go(piece: _Let) -> Released:
+    config, lot, waveform, at_us = piece.sent.config, piece.lot, piece.waveform, piece.at_us
     times = np.linspace(0.0, config.opening.watch_us, LOOKS + 1)
     each = respond_each(
         config,
@@ -157,7 +178,6 @@ def let_go(
         horizon_us=at_us + float(times[-1]),
         times_us=at_us + times,
         max_impacts=256,
-        threads=threads,
     )
     chain = chain_of(config)
     slower = drives_of(chain, lot, waveform).times
@@ -264,7 +284,7 @@ def design_brake(
     at_us: float,
     budget: int = 300,
     seed: int = 1,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Callable[[int, int], None] | None = None,
 ) -> Waveform:
     """A braking pulse after the fall, by CMA-ES on one training ensemble: start, rise, top and volts.
@@ -274,12 +294,14 @@ def design_brake(
 
     Parameters
     ----------
-    config, switches, waveform, at_us, threads
+    config, switches, waveform, at_us
         See `judge_opening`; the waveform without a brake.
     budget : int
         Waveforms to try.
     seed : int
         Of the search.
+    mapper : Mapper
+        Who simulates: the waveforms of a generation are a piece each.
     listener : callable, optional
         Told (done, all).
 
@@ -299,27 +321,35 @@ def design_brake(
         start, rise, peak, volts = low + np.asarray(p) * (high - low)
         return Waveform([*waveform.pulses, Pulse(at_us + start, rise, peak, volts)])
 
-    def cost(candidate: Waveform) -> float:
-        if candidate.max_voltage(at_us + 1e4) > config.waveform.max_volts:
-            return 10.0
-        o = judge_opening(config, switches, candidate, at_us=at_us, threads=threads)
-        return o.overshoot + REBOUND_COST * (o.p_rebound.estimate + o.p_stuck.estimate)
+    sent = Sent(config)
+
+    def costs_of(candidates: Sequence[Waveform]) -> Iterator[float]:
+        return mapper(_cost, [_Let(sent, lot, candidate, at_us) for candidate in candidates])
 
     draw = np.random.default_rng(np.random.SeedSequence([seed, BRAKE]))
-    best, least, done = waveform, cost(waveform), 1
+    best, least, done = waveform, next(costs_of([waveform])), 1
     descent = strategy(np.array([0.4, 0.3, 0.2, 0.4]), np.ones(4), 0.25, GENERATION, draw)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         while done + GENERATION <= budget and not descent.stop():
             points = descent.ask()
+            candidates = [drive(p) for p in points]
             costs = []
-            for p in points:
-                candidate = drive(p)
-                costs.append(cost(candidate))
+            for candidate, found in zip(candidates, costs_of(candidates), strict=True):
+                costs.append(found)
                 done += 1
-                if costs[-1] < least:
-                    best, least = candidate, costs[-1]
+                if found < least:
+                    best, least = candidate, found
                 if listener is not None:
                     listener(done, budget)
             descent.tell(points, costs)
     return best
+
+
+def _cost(piece: _Let) -> float:
+    """What a brake pays on a lot."""
+    config = piece.sent.config
+    if piece.waveform.max_voltage(piece.at_us + 1e4) > config.waveform.max_volts:
+        return 10.0
+    o = judge_opening(config, piece.lot, piece.waveform, at_us=piece.at_us)
+    return o.overshoot + REBOUND_COST * (o.p_rebound.estimate + o.p_stuck.estimate)

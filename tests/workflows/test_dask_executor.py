@@ -16,8 +16,8 @@ from small_campaigns import block_task
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.executors import dask as executors
 from softclose_workflows.run.executors.dask import DaskExecutor
+from softclose_workflows.run.executors.protocol import run_task
 from softclose_workflows.run.faults import MAX_TRIES
-from softclose_workflows.run.tasks import run_block
 
 PATIENCE_S = 0.15
 
@@ -49,7 +49,7 @@ class StandIn:
         return {w: self.answers.get(w, "") for w in workers or self._workers}
 
     def submit(self, function, task, *, key, pure, workers):
-        assert function is run_block
+        assert function is run_task
         assert not pure  # equal blocks of two campaigns are not the same block
         future = SimpleNamespace(key=key, status="pending", task=task, workers=workers, cancelled=False)
         future.add_done_callback = lambda callback: setattr(future, "callback", callback)

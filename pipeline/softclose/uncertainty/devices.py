@@ -15,6 +15,7 @@ import numpy as np
 
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import evaluate, realise, uniforms
+from softclose.evaluate.pieces import Mapper, Sent, here
 from softclose.metrics.intervals import NO_INTERVAL, Interval
 from softclose.metrics.objective import Assessment
 from softclose.population.calibrate import plausible_populations
@@ -32,6 +33,24 @@ _N_LOT = 4096
 
 class DevicesError(ValueError):
     """A question about devices that has no answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Lot:
+    """A lot that a waveform is judged on."""
+
+    sent: Sent
+    waveform: Waveform
+    population: Population
+    n_switches: int
+    seed: int
+
+
+def _judged(lot: _Lot) -> Assessment:
+    """Conditions go on believing in the lot as fitted: what is scaled by it was scaled before the truth is known."""
+    config = lot.sent.config
+    u = uniforms(config, lot.n_switches, seed=lot.seed, ensemble=Ensemble.DEVICES)
+    return evaluate(config, realise(config, u, population=lot.population), lot.waveform, fresh=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +130,7 @@ def propagate(
     n_lots: int = 200,
     n_switches: int = 4_000,
     seed: int = 0,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Callable[[int, int], None] | None = None,
 ) -> Propagated:
     """Judge a waveform on lots that the measured devices may have come from.
@@ -134,8 +153,8 @@ def propagate(
         Switches that each is judged on.
     seed : int
         Of devices and switches.
-    threads : int
-        For the simulation.
+    mapper : Mapper
+        Who simulates.
     listener : callable, optional
         Told (done, all).
 
@@ -152,21 +171,18 @@ def propagate(
         raise DevicesError(f"{n_lots} lots make no interval; {FEWEST_LOTS} at least (200 are usual)")
     area = replace(config.model, plate_area_um2=population.plate_area())
     settings = replace(config, model=area, population_model=population.to_dict())
-    u = uniforms(settings, n_switches, seed=seed, ensemble=Ensemble.DEVICES)
-
-    def judged(lot: Population) -> Assessment:
-        # Conditions go on believing in the lot as fitted: what is scaled by it was scaled before the truth is known.
-        switches = realise(settings, u, population=lot)
-        return evaluate(settings, switches, waveform, fresh=True, threads=threads)
-
+    sent = Sent(settings)
     figures = np.full((3, n_lots), math.nan)
     failed = 0
     lots = plausible_populations(population, n_devices, n_lots, seed=seed, bounds=bounds)
+    wanted = [population, *(lot for lot in lots if lot is not None)]
+    answers = mapper(_judged, [_Lot(sent, waveform, lot, n_switches, seed) for lot in wanted])
+    fitted = next(answers)
     for k, lot in enumerate(lots):
         if lot is None:
             failed += 1
         else:
-            a = judged(lot)
+            a = next(answers)
             figures[:, k] = a.v_u_cm_s, a.p_nc, a.g_cm_s
         if listener is not None:
             listener(k + 1, n_lots)
@@ -177,7 +193,7 @@ def propagate(
         )
     return Propagated(
         n_devices=n_devices,
-        assessment=judged(population),
+        assessment=fitted,
         v_u_cm_s=figures[0],
         p_nc=figures[1],
         g_cm_s=figures[2],

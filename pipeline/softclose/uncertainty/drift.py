@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from softclose.evaluate import judge, respond
+from softclose.evaluate import judge
+from softclose.evaluate.pieces import Mapper, Sent, Work, here, respond_to_all
 from softclose.metrics.objective import Assessment, Response
 from softclose.metrics.paired import Comparison, compare
 from softclose.population.lot import Lot
@@ -91,7 +92,7 @@ def drift(
     kind: Kind,
     values: Sequence[float],
     *,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Callable[[int, int], None] | None = None,
 ) -> Drift:
     """Assess a waveform under each drift.
@@ -109,8 +110,8 @@ def drift(
         See the module.
     values : sequence of float
         Drifts of the pull-in voltages, relative or in volts; 0 is always among them.
-    threads : int
-        For the simulation.
+    mapper : Mapper
+        Who simulates.
     listener : callable, optional
         Told (done, all).
 
@@ -131,15 +132,21 @@ def drift(
 
     table = Lot.of(switches)
 
-    def under(value: float) -> tuple[Response, Assessment]:
-        moved, lot = drifted(config, table, kind, value)
-        found = respond(moved, lot, waveform, threads=threads)
-        return found, judge(config, found, fresh=True)
+    sent = Sent(config)
 
-    still = under(0.0)
+    def after(value: float) -> Work:
+        moved, lot = drifted(config, table, kind, value)
+        return Work(sent=sent if moved is config else Sent(moved), lot=lot, drive=waveform)
+
+    def under(*values: float) -> Iterator[tuple[Response, Assessment]]:
+        for found in respond_to_all([after(value) for value in values], mapper):
+            yield found, judge(config, found, fresh=True)
+
+    answers = under(0.0, *(value for value in wanted if value != 0.0))
+    still = next(answers)
     rows = []
     for k, value in enumerate(wanted, start=1):
-        found = still if value == 0.0 else under(value)
+        found = still if value == 0.0 else next(answers)
         comparison = compare(found, still, config.objective.confidence)
         rows.append(Drifted(drift=value, assessment=found[1], comparison=comparison))
         if listener is not None:
@@ -147,7 +154,7 @@ def drift(
     goal = 2.0 * still[1].v_u_cm_s
 
     def reached(value: float) -> float:
-        return under(value)[1].v_u_cm_s
+        return next(under(value))[1].v_u_cm_s
 
     return Drift(
         kind=kind, rows=tuple(rows), doubled=(_where(reached, rows, goal, -1.0), _where(reached, rows, goal, 1.0))

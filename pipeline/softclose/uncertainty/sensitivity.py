@@ -5,6 +5,7 @@ Of the lot's four variables, and of whatever its conditions draw: errors of meas
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from softclose.conditions.streams import Draw, key
 from softclose.device.status import not_integrated
 from softclose.evaluate import coordinates, realise, respond
+from softclose.evaluate.pieces import Mapper, Sent, here, rows_of_pieces
 from softclose.metrics.intervals import student_interval
 from softclose.metrics.objective import CM_S, MAX_FAILED, in_time
 from softclose.population import Population
@@ -63,6 +65,16 @@ class Sensitivity:
     """Confidence of the intervals."""
 
 
+def _measured(piece: tuple[Sent, Waveform, FloatArray]) -> tuple[FloatArray, NDArray[np.bool_], int]:
+    """V [µm/µs], held or not, of each switch at (n, n_variable) points of the unit cube; how many failed."""
+    sent, waveform, points = piece
+    drawn = coordinates(sent.config)
+    parts = np.split(points, np.cumsum([len(c.parts) for c in drawn])[:-1], axis=1)
+    r = respond(sent.config, realise(sent.config, {c.name: u for c, u in zip(drawn, parts, strict=True)}), waveform)
+    held = in_time(r, sent.config.objective.closed_by_us)
+    return np.asarray(r.max_contact_speed, dtype=np.float64), held, int((np.asarray(r.status) != 0).sum())
+
+
 def sensitivity(
     population: Population,
     waveform: Waveform,
@@ -72,6 +84,8 @@ def sensitivity(
     seed: int = 0,
     confidence: float = 0.95,
     config: CampaignConfig | None = None,
+    mapper: Mapper = here,
+    listener: Callable[[int, int], None] | None = None,
 ) -> Sensitivity:
     """First-order and total Sobol' indices of V and of closing to what each switch is drawn from (Saltelli's scheme).
 
@@ -80,7 +94,8 @@ def sensitivity(
     switches are simulated.
     The indices need V of every point, also where a switch never touches: there V counts as 0, and `p_contact` says
     how often. V "among those in contact" has no such indices: contact makes the inputs dependent.
-    config: whose device model and conditions apply; the defaults where it is left out. Same seed, same indices.
+    config: whose device model and conditions apply; the defaults where it is left out. mapper: who simulates; listener:
+    told (done, all). Same seed, same indices.
     """
     if n < 2 or n & (n - 1):
         raise SensitivityError(f"n is {n}; it must be a power of 2, such as 512 or 4096")
@@ -98,20 +113,21 @@ def sensitivity(
     settings = replace(
         settings, population_model=population.to_dict(), model=replace(settings.model, plate_area_um2=area)
     )
-    drawn = coordinates(settings)
-    names = [part for c in drawn for part in c.parts]
-    edges = np.cumsum([len(c.parts) for c in drawn])[:-1]
+    names = [part for c in coordinates(settings) for part in c.parts]
+    sent = Sent(settings)
     touched = closed = total = failed = 0
     spread: list[FloatArray] = []
 
     def outputs(p: FloatArray) -> FloatArray:
         nonlocal touched, closed, total, failed
-        u = {c.name: part for c, part in zip(drawn, np.split(p.T, edges, axis=1), strict=True)}
-        r = respond(settings, realise(settings, u), waveform)
-        held = in_time(r, settings.objective.closed_by_us)
-        v = np.asarray(r.max_contact_speed, dtype=np.float64)
+        pieces = [
+            (sent, waveform, np.ascontiguousarray(p.T[rows.start : rows.stop]))
+            for rows in rows_of_pieces(settings, p.shape[1])
+        ]
+        answers = list(mapper(_measured, pieces))
+        v, held = (np.concatenate([answer[k] for answer in answers]) for k in (0, 1))
         total += v.size
-        failed += int((np.asarray(r.status) != 0).sum())
+        failed += sum(answer[2] for answer in answers)
         if failed > MAX_FAILED * max(total, n):
             raise SensitivityError(
                 f"{not_integrated(failed, total)}, and what they would have done has no shares of variance: lower the "
@@ -133,6 +149,8 @@ def sensitivity(
         indices = np.array([found.first_order, found.total_order])
         indices[:, np.max(spread, axis=0) == 0.0] = np.nan  # 0/0, which scipy calls 0
         replicates.append(indices)
+        if listener is not None:
+            listener(i + 1, n_replicates)
     table = np.array(replicates)  # replicate, first or total, output, variable
     return Sensitivity(
         indices=tuple(

@@ -20,6 +20,7 @@ from scipy.special import ndtr
 from softclose.conditions.streams import Ensemble
 from softclose.device.status import not_integrated
 from softclose.evaluate import coordinates, draw, realise, respond
+from softclose.evaluate.pieces import Mapper, Sent, here, rows_of_pieces
 from softclose.metrics.intervals import Interval, clopper_pearson, normal_quantile
 from softclose.metrics.objective import CM_S, in_time
 from softclose.population.lot import Lot
@@ -40,7 +41,6 @@ LEAST = 1e-12
 
 _NEVER = "no failure was met: the lot ends before the limit, or it is rarer than this method sees"
 _LEVELS = 4
-_PART = 100_000
 _SCOUTS = 4096
 _STARTS = 8
 
@@ -79,7 +79,7 @@ def tail(
     relative_error: float = 0.05,
     confidence: float = 0.95,
     seed: int = 0,
-    threads: int = 1,
+    mapper: Mapper = here,
 ) -> tuple[Tail, ...]:
     """The probability of a failure by each method.
 
@@ -104,8 +104,8 @@ def tail(
         Of the intervals.
     seed : int
         Of all random numbers.
-    threads : int
-        For the simulation.
+    mapper : Mapper
+        Who simulates.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def tail(
         raise TailError(f"the confidence is {confidence:g}; it must lie between 0 and 1 (0.95 is usual)")
     if any(method != "brute" for method in methods):
         _openturns()  # before anything is simulated
-    space = _Space(config, waveform, event, limit_cm_s, threads)
+    space = _Space(config, waveform, event, limit_cm_s, mapper)
     found = []
     for method in methods:
         space.n_failed = 0
@@ -140,6 +140,8 @@ def tail(
             row = _brute(space, n_switches, confidence, seed)
         else:
             row = _reliability(space, method, relative_error, confidence, seed)
+            if space.fault is not None:
+                raise space.fault
         found.append(_with_failures(row, space))
     return tuple(found)
 
@@ -160,50 +162,87 @@ def _none(space: _Space, method: Method, note: str) -> Tail:
     )  # fmt: skip
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked of a switch."""
+
+    sent: Sent
+    waveform: Waveform
+    event: Event
+    threshold: float
+
+
+def _measure(asked: _Asked, lot: Lot) -> tuple[FloatArray, int]:
+    """(n,) V [cm/s], or how open a switch is: failure is a value above the threshold; and how many failed to integrate.
+
+    A switch that could not be integrated is open, and has no V.
+    """
+    config = asked.sent.config
+    r = respond(config, lot, asked.waveform)
+    n_failed = int((np.asarray(r.status) != 0).sum())
+    if asked.event == "fast":
+        return np.nan_to_num(r.max_contact_speed * CM_S, nan=0.0), n_failed
+    limit = config.objective.closed_by_us or config.model.horizon_us
+    # Closed: by how much of the time too early; open: by how much of its travel too far. It jumps in between.
+    missing = np.clip(1.0 - np.nan_to_num(r.final_x, nan=0.0) / lot["D"], 1e-3, None)
+    closed = in_time(r, config.objective.closed_by_us)
+    return np.where(closed, np.minimum(r.settling_us / limit - 1.0, 0.0), missing), n_failed
+
+
+def _measured(piece: tuple[_Asked, FloatArray]) -> tuple[FloatArray, int]:
+    """The switches at (n, dim) standard normal coordinates."""
+    asked, u = piece
+    drawn = coordinates(asked.sent.config)
+    parts = np.split(ndtr(u), np.cumsum([len(c.parts) for c in drawn])[:-1], axis=1)
+    lot = realise(asked.sent.config, {c.name: p for c, p in zip(drawn, parts, strict=True)})
+    return _measure(asked, lot)
+
+
+def _counted(piece: tuple[_Asked, int, range]) -> tuple[int, int]:
+    """Of the switches `rows` of the ensemble of a seed: how many fail, and how many failed to integrate."""
+    asked, seed, rows = piece
+    lot = draw(asked.sent.config, len(rows), seed=seed, start=rows.start, ensemble=Ensemble.TAIL)
+    values, n_failed = _measure(asked, lot)
+    return int((values > asked.threshold).sum()), n_failed
+
+
 class _Space:
     """Standard normal coordinates of a lot, and how far a switch is from failing."""
 
     def __init__(
-        self, config: CampaignConfig, waveform: Waveform, event: Event, limit_cm_s: float, threads: int
+        self, config: CampaignConfig, waveform: Waveform, event: Event, limit_cm_s: float, mapper: Mapper
     ) -> None:
-        self.config, self.waveform, self.event, self.threads = config, waveform, event, threads
+        self.config, self.event, self.mapper = config, event, mapper
         self.threshold = limit_cm_s if event == "fast" else 0.0
-        self.coordinates = coordinates(config)
-        self.dim = sum(len(c.parts) for c in self.coordinates)
+        self.asked = _Asked(Sent(config), waveform, event, self.threshold)
+        self.dim = sum(len(c.parts) for c in coordinates(config))
         self.n = self.n_failed = 0
-
-    def lot(self, u: FloatArray) -> Lot:
-        """The switches at (n, dim) standard normal coordinates."""
-        edges = np.cumsum([len(c.parts) for c in self.coordinates])[:-1]
-        parts = np.split(ndtr(u), edges, axis=1)
-        return realise(self.config, {c.name: p for c, p in zip(self.coordinates, parts, strict=True)})
-
-    def measure(self, lot: Lot) -> FloatArray:
-        """(n,) V [cm/s], or how open a switch is: failure is a value above the threshold.
-
-        A switch that could not be integrated is open, and has no V.
-        """
-        self.n += len(lot)
-        r = respond(self.config, lot, self.waveform, threads=self.threads)
-        self.n_failed += int((np.asarray(r.status) != 0).sum())
-        if self.event == "fast":
-            return np.nan_to_num(r.max_contact_speed * CM_S, nan=0.0)
-        limit = self.config.objective.closed_by_us or self.config.model.horizon_us
-        # Closed: by how much of the time too early; open: by how much of its travel too far. It jumps in between.
-        missing = np.clip(1.0 - np.nan_to_num(r.final_x, nan=0.0) / lot["D"], 1e-3, None)
-        closed = in_time(r, self.config.objective.closed_by_us)
-        return np.where(closed, np.minimum(r.settling_us / limit - 1.0, 0.0), missing)
+        self.fault: BaseException | None = None
+        """What a mapper raised inside OpenTURNS, which makes a text of it."""
 
     def __call__(self, u: Any) -> FloatArray:
-        return self.measure(self.lot(np.asarray(u, dtype=np.float64).reshape(-1, self.dim)))[:, None]
+        points = np.asarray(u, dtype=np.float64).reshape(-1, self.dim)
+        pieces = [
+            (self.asked, np.ascontiguousarray(points[rows.start : rows.stop]))
+            for rows in rows_of_pieces(self.config, len(points))
+        ]
+        try:
+            found = list(self.mapper(_measured, pieces))
+        except BaseException as e:
+            self.fault = e
+            raise
+        self.n += len(points)
+        self.n_failed += sum(n for _, n in found)
+        return np.concatenate([values for values, _ in found])[:, None]
 
 
 def _brute(space: _Space, n: int, confidence: float, seed: int) -> Tail:
     count = 0
-    for start in range(0, n, _PART):
-        size = min(_PART, n - start)
-        lot = draw(space.config, size, seed=seed, start=start, ensemble=Ensemble.TAIL)
-        count += int((space.measure(lot) > space.threshold).sum())
+    for failing, n_failed in space.mapper(
+        _counted, ((space.asked, seed, rows) for rows in rows_of_pieces(space.config, n))
+    ):
+        count += failing
+        space.n_failed += n_failed
     return Tail(method="brute", probability=count / n, interval=clopper_pearson(count, n, confidence), n_switches=n)
 
 

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.conditions.streams import Draw, key
-from softclose.device.device import joined
-from softclose.evaluate import judge, respond
+from softclose.evaluate import judge
+from softclose.evaluate.pieces import Mapper, Sent, Work, here, joined_judged, respond_to_all
 from softclose.metrics.objective import Assessment
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig, load_config
@@ -89,6 +89,8 @@ def drive_tolerance(
     n_generators: int = 64,
     seed: int = 0,
     config: CampaignConfig | None = None,
+    mapper: Mapper = here,
+    listener: Callable[[int, int], None] | None = None,
 ) -> tuple[DriveTolerance, ...]:
     """Assess one waveform under each scenario; the first row is the generator without these errors.
 
@@ -108,6 +110,10 @@ def drive_tolerance(
         Of the generators.
     config : CampaignConfig, optional
         Whose device model, conditions and objective apply; the defaults where it is left out.
+    mapper : Mapper
+        Who simulates.
+    listener : callable, optional
+        Told (done, all).
 
     Returns
     -------
@@ -124,18 +130,23 @@ def drive_tolerance(
         raise ToleranceError(f"n_generators is {n_generators}; at least 1 generator must drive the switches")
     settings = load_config({}) if config is None else config
 
-    def run(error: DriveError) -> Assessment:
+    usual = Sent(settings)
+    scenarios = (DriveError(), *errors)
+    works: list[list[Work]] = []
+    for error in scenarios:
         faulty = _slewed(settings, error)
-        found = [
-            respond(faulty, driven(lot.rows(share), gain), drive)
-            for share, drive, gain in _drives(len(lot), waveform, error, n_generators, seed)
-        ]
-        return judge(faulty, joined(found), fresh=True)
-
-    perfect = run(DriveError())
-    rows = [DriveTolerance(error=DriveError(), assessment=perfect, v_u_shift_cm_s=0.0, p_nc_shift=0.0)]
-    for error in errors:
-        a = run(error)
+        sent = usual if faulty is settings else Sent(faulty)
+        works.append(
+            [
+                Work(sent=sent, lot=driven(lot.rows(share), gain), drive=drive)
+                for share, drive, gain in _drives(len(lot), waveform, error, n_generators, seed)
+            ]
+        )
+    answers = respond_to_all([work for own in works for work in own], mapper)
+    rows: list[DriveTolerance] = []
+    for k, (error, own) in enumerate(zip(scenarios, works, strict=True), start=1):
+        a = judge(own[0].sent.config, joined_judged([next(answers) for _ in own]), fresh=True)
+        perfect = rows[0].assessment if rows else a
         rows.append(
             DriveTolerance(
                 error=error,
@@ -144,6 +155,8 @@ def drive_tolerance(
                 p_nc_shift=a.p_nc - perfect.p_nc,
             )
         )
+        if listener is not None:
+            listener(k, len(scenarios))
     return tuple(rows)
 
 

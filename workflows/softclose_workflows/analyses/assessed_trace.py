@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from softclose.evaluate import judge
+from softclose.evaluate.pieces import Mapper, here
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.settings import CampaignConfig, load_config
@@ -66,7 +67,7 @@ def assess_trace(
     *,
     n_switches: int = 100_000,
     seed: int | None = None,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
     max_volts: float | None = None,
     scaled: bool = False,
@@ -90,7 +91,7 @@ def assess_trace(
     chosen_seed = seed if seed is not None else best.seed if best is not None else config.campaign.seed
     drives: list[Drive] = [trace] if best is None else [trace, best.waveform]
     judged = simulate_fresh(
-        config, drives, n_switches=n_switches, seed=chosen_seed, for_everybody=[0], threads=threads, listener=listener
+        config, drives, n_switches=n_switches, seed=chosen_seed, for_everybody=[0], mapper=mapper, listener=listener
     )
     assessments = [judge(config, j, fresh=True) for j in judged]
     return AssessedTrace(

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
+from softclose.evaluate.pieces import Mapper, Sent, here, light, rows_of_pieces
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
 from softclose.metrics.ranking import is_beyond
-from softclose.opening import Opening, OpeningError, Openings, assess_opening, joined, let_go
+from softclose.opening import WATCHED, Opening, OpeningError, Openings, Released, assess_opening, joined, let_go
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Drive, Waveform
@@ -36,9 +37,6 @@ from softclose_workflows.run import needs
 from softclose_workflows.run.opening import designed_opening
 from softclose_workflows.tell.console import Step
 
-PART = 10_000
-"""Switches simulated between two looks at the progress."""
-
 N_REFERENCES = 2
 """Reference designs at most."""
 
@@ -52,7 +50,7 @@ def certify(
     n_switches: int = 100_000,
     seed: int | None = None,
     top: int = 10,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
 ) -> Certification:
     """Certify the `top` best distinct candidates of the campaign at path, and keep the result in its group.
@@ -83,7 +81,7 @@ def certify(
         missing=references.missing,
     )
     have = {} if stored is None else {d.name: d.response for d in (*stored.candidates, *stored.references)}
-    result = certified_on(campaign, config, request, have, threads=threads, listener=listener)
+    result = certified_on(campaign, config, request, have, mapper=mapper, listener=listener)
     write_certificate(path, result, fresh_switches(config, n_switches, seed=seed))
     return result
 
@@ -148,7 +146,7 @@ def certified_on(
     request: Request,
     have: dict[str, Judged],
     *,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
 ) -> Certification:
     """The certification that a request stands for; have: responses of designs that are known already."""
@@ -162,30 +160,30 @@ def certified_on(
         n_switches=request.n_switches,
         seed=request.seed,
         for_everybody=[i for i, name in enumerate(new) if name in references],
-        threads=threads,
+        mapper=mapper,
         listener=listener,
     )
     result = assemble(campaign, config, waveforms, have | dict(zip(new, responses, strict=True)), request)
-    return replace(result, openings=_openings(campaign, config, result, threads))
+    return replace(result, openings=_openings(campaign, config, result, mapper))
 
 
-def _openings(campaign: Campaign, config: CampaignConfig, result: Certification, threads: int) -> Openings | None:
+def _openings(campaign: Campaign, config: CampaignConfig, result: Certification, mapper: Mapper) -> Openings | None:
     """The best candidate's designed opening on the new switches, a part at a time; None where nothing can be said."""
     best = result.best.candidate
     try:
-        designed = None if best is None else designed_opening(campaign.path, best, threads=threads)
+        designed = None if best is None else designed_opening(campaign.path, best, mapper=mapper)
     except OpeningError:
         return None
     if designed is None:
         return None
 
+    sent = Sent(config)
+
     def on_fresh(waveform: Waveform) -> Opening:
-        parts = []
-        for begin in range(0, result.n_switches, PART):
-            n = min(PART, result.n_switches - begin)
-            switches = fresh_switches(config, n, seed=result.seed, start=begin)
-            parts.append(let_go(config, switches, waveform, at_us=designed.at_us, threads=threads))
-        return assess_opening(config, joined(parts))
+        n, seed = result.n_switches, result.seed
+        cut = [range(start, min(start + WATCHED, n)) for start in range(0, n, WATCHED)]
+        parts = [FreshRelease(sent, seed, rows, waveform, designed.at_us) for rows in cut]
+        return assess_opening(config, joined(list(mapper(_let_go_fresh, parts))))
 
     return Openings(
         at_us=designed.at_us,
@@ -207,32 +205,72 @@ def simulate_fresh(
     seed: int,
     start: int = 0,
     for_everybody: Collection[int] = (),
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
 ) -> list[Judged]:
-    """Metrics of every waveform on the same new switches of the campaign's lot, `start` and on, a part at a time.
+    """Metrics of every waveform on the same new switches of the campaign's lot, `start` and on, a piece at a time.
 
-    for_everybody: the waveforms that are tailored to no switch, whatever the campaign measures.
+    for_everybody: the waveforms that are tailored to no switch, whatever the campaign measures. mapper: who simulates.
     """
     v = np.empty((len(waveforms), n_switches))
     closed = np.empty(v.shape, dtype=np.bool_)
     status = np.empty(v.shape, dtype=np.int8)
     settling = np.empty(v.shape)
-    total, done = v.size, 0
-    for begin in range(0, n_switches, PART):
-        rows = slice(begin, min(begin + PART, n_switches))
-        switches = fresh_switches(config, rows.stop - begin, seed=seed, start=start + begin)
-        for i, waveform in enumerate(waveforms):
-            response = respond(config, switches, waveform, for_everybody=i in for_everybody, threads=threads)
+    sent, drives, whole = Sent(config), tuple(waveforms), frozenset(for_everybody)
+    cut = rows_of_pieces(config, n_switches, n_waveforms=len(waveforms)) if waveforms else []
+    answers = mapper(
+        _simulate_fresh,
+        [FreshSwitches(sent, seed, range(start + r.start, start + r.stop), drives, whole) for r in cut],
+    )
+    for own, found in zip(cut, answers, strict=True):
+        rows = slice(own.start, own.stop)
+        for i, response in enumerate(found):
             v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
             status[i, rows], settling[i, rows] = response.status, response.settling_us
-            done += len(switches)
-            if listener is not None:
-                listener(done, total)
+        if listener is not None:
+            listener(own.stop * len(waveforms), v.size)
     return [
         Judged(max_contact_speed=v[i], closed=closed[i], status=status[i], settling_us=settling[i])
         for i in range(len(waveforms))
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class FreshSwitches:
+    """Rows of a certification ensemble under waveforms: a piece of certifying."""
+
+    sent: Sent
+    seed: int
+    rows: range
+    drives: tuple[Drive, ...]
+    for_everybody: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class FreshRelease:
+    """Rows of a certification ensemble that are let go."""
+
+    sent: Sent
+    seed: int
+    rows: range
+    waveform: Waveform
+    at_us: float
+
+
+def _simulate_fresh(piece: FreshSwitches) -> list[Judged]:
+    """What is judged of the rows under each drive."""
+    config = piece.sent.config
+    switches = fresh_switches(config, len(piece.rows), seed=piece.seed, start=piece.rows.start)
+    return [
+        light(respond(config, switches, drive, for_everybody=i in piece.for_everybody))
+        for i, drive in enumerate(piece.drives)
+    ]
+
+
+def _let_go_fresh(piece: FreshRelease) -> Released:
+    config = piece.sent.config
+    switches = fresh_switches(config, len(piece.rows), seed=piece.seed, start=piece.rows.start)
+    return let_go(config, switches, piece.waveform, at_us=piece.at_us)
 
 
 def choose_distinct(campaign: Campaign, config: CampaignConfig, top: int) -> tuple[int, list[int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from softclose.evaluate.pieces import Mapper, here
 from softclose.population.calibrate import calibrate
 from softclose.population.measurements import read_measurements
 from softclose.uncertainty.devices import DevicesError, Propagated, apart
@@ -31,7 +32,7 @@ def propagate(
     n_switches: int = 4_000,
     seed: int = 0,
     any_lot: bool = False,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
 ) -> tuple[Chosen, Propagated, list[str]]:
     """A stored waveform on lots that a file's devices may have come from, and what is to be said of them.
@@ -61,7 +62,7 @@ def propagate(
         n_lots=n_lots,
         n_switches=n_switches,
         seed=seed,
-        threads=threads,
+        mapper=mapper,
         listener=listener,
     )
     return chosen, found, notes

@@ -8,6 +8,7 @@ from typing import Any
 
 from softclose.device.told import mean_switch
 from softclose.evaluate.chain import chain_of
+from softclose.evaluate.pieces import Mapper, here
 from softclose.settings import CampaignConfig
 from softclose.uncertainty.drift import Drift, DriftError, Kind
 from softclose.uncertainty.drift import drift as assess_drift
@@ -42,7 +43,7 @@ def drift(
     *,
     candidate: int | None = None,
     n_switches: int = 20_000,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
 ) -> tuple[Chosen, Drift]:
     """A stored waveform over a range of drifts. Raises DriftError and CertifyError."""
@@ -51,7 +52,7 @@ def drift(
     switches = fresh_switches(chosen.config, n_switches, seed=chosen.seed)
     wanted = values or usual(chosen.config, kind)
     return chosen, assess_drift(
-        chosen.config, switches, chosen.waveform, kind, wanted, threads=threads, listener=listener
+        chosen.config, switches, chosen.waveform, kind, wanted, mapper=mapper, listener=listener
     )
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from softclose.evaluate.pieces import Mapper, here
 from softclose.uncertainty.sensitivity import Sensitivity
 from softclose.uncertainty.sensitivity import sensitivity as analyse
 from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, DriveTolerance, drive_tolerance
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check, check_fresh, of_ensemble
+from softclose_workflows.tell.console import Step
 
 
 def tolerance(
@@ -20,6 +22,8 @@ def tolerance(
     candidate: int | None = None,
     n_switches: int = 20_000,
     n_generators: int = 64,
+    mapper: Mapper = here,
+    listener: Step | None = None,
 ) -> tuple[Chosen, list[DriveTolerance]]:
     """A waveform under each error by itself, by default a usual set of them, on the certification's new switches."""
     check_fresh(n_switches, 1)
@@ -31,12 +35,21 @@ def tolerance(
         n_generators=n_generators,
         seed=chosen.seed,
         config=chosen.config,
+        mapper=mapper,
+        listener=listener,
     )
     return chosen, list(rows)
 
 
 def sensitivity(
-    path: str, *, candidate: int | None = None, points: int = 512, replicates: int = 8, seed: int = 0
+    path: str,
+    *,
+    candidate: int | None = None,
+    points: int = 512,
+    replicates: int = 8,
+    seed: int = 0,
+    mapper: Mapper = here,
+    listener: Step | None = None,
 ) -> tuple[Chosen, Sensitivity]:
     """Shares of the variance of V and of closing that come from each of D, G, E and T."""
     # One replicate is simulated at once: n points, and n for each of the four variables exchanged, twice over.
@@ -52,6 +65,8 @@ def sensitivity(
         seed=seed,
         confidence=chosen.config.objective.confidence,
         config=chosen.config,
+        mapper=mapper,
+        listener=listener,
     )
     return chosen, found
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from softclose.evaluate import objective_settings
+from softclose.evaluate.pieces import Mapper, here, joined_judged
 from softclose.metrics.objective import Judged
 from softclose.metrics.race import Race, race, sizes
 from softclose.settings import CampaignConfig
@@ -43,7 +42,7 @@ def certify_within(
     n_switches: int = 100_000,
     seed: int | None = None,
     top: int = 10,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
 ) -> tuple[Certification, Race]:
     """Certify the finalists of a race between the `top` best distinct candidates, and keep the result in the store.
@@ -60,7 +59,7 @@ def certify_within(
     incumbent, chosen = choose_distinct(campaign, config, top)
     needs.check_fresh(n_switches, len(chosen) + N_REFERENCES, path=path)
     waveforms = [Waveform.from_rows(campaign.waveform(i)) for i in chosen]
-    track = _Track(config, waveforms, seed, threads)
+    track = _Track(config, waveforms, seed, mapper)
     rounds = sizes(max(least_switches(config), LEAST), n_switches)
 
     def respond(i: int, n: int) -> Judged:
@@ -82,7 +81,7 @@ def certify_within(
         missing=reference_designs(config).missing,
     )
     have = {candidate_name(i): track.respond(chosen.index(i), last) for i in candidates}
-    certification = certified_on(campaign, config, request, have, threads=threads)
+    certification = certified_on(campaign, config, request, have, mapper=mapper)
     write_certificate(path, certification, fresh_switches(config, last, seed=seed))
     return certification, _named(result, chosen)
 
@@ -100,8 +99,8 @@ def _named(result: Race, chosen: list[int]) -> Race:
 class _Track:
     """What the waveforms have done so far: each runs on the switches that it has not run on yet."""
 
-    def __init__(self, config: CampaignConfig, waveforms: list[Waveform], seed: int, threads: int) -> None:
-        self._config, self._waveforms, self._seed, self._threads = config, waveforms, seed, threads
+    def __init__(self, config: CampaignConfig, waveforms: list[Waveform], seed: int, mapper: Mapper) -> None:
+        self._config, self._waveforms, self._seed, self._mapper = config, waveforms, seed, mapper
         self._done: dict[int, Judged] = {}
 
     @property
@@ -120,19 +119,8 @@ class _Track:
                 n_switches=n - start,
                 seed=self._seed,
                 start=start,
-                threads=self._threads,
+                mapper=self._mapper,
             )[0]
-            have = self._done[i] = more if have is None else _joined(have, more)
+            have = self._done[i] = more if have is None else joined_judged([have, more])
         assert have is not None
         return have
-
-
-def _joined(a: Judged, b: Judged) -> Judged:
-    assert a.settling_us is not None
-    assert b.settling_us is not None
-    return Judged(
-        max_contact_speed=np.concatenate([a.max_contact_speed, b.max_contact_speed]),
-        closed=np.concatenate([a.closed, b.closed]),
-        status=np.concatenate([a.status, b.status]),
-        settling_us=np.concatenate([a.settling_us, b.settling_us]),
-    )

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from softclose.evaluate.pieces import Mapper, here
 from softclose.opening import BAND, Opening, Openings, design_brake, judge_opening, opened
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
@@ -37,7 +38,7 @@ def opening(
     candidate: int | None = None,
     brake: int = 0,
     n_switches: int = 10_000,
-    threads: int = 1,
+    mapper: Mapper = here,
     listener: Step | None = None,
 ) -> Judged:
     """A stored waveform, let go at an instant: the campaign's own, or else its horizon.
@@ -51,17 +52,17 @@ def opening(
     at = (config.opening.release_us or config.model.horizon_us) if at_us is None else at_us
     drive = opened(chosen.waveform, at)
     fresh = fresh_switches(config, n_switches, seed=chosen.seed)
-    plain = judge_opening(config, fresh, drive, at_us=at, threads=threads)
+    plain = judge_opening(config, fresh, drive, at_us=at, mapper=mapper)
     designed = None
     if brake:
         training = fresh_switches(config, TRAINING, seed=chosen.seed + _TRAINING_SEED)
         designed = design_brake(
-            config, training, drive, at_us=at, budget=brake, seed=chosen.seed, threads=threads, listener=listener
+            config, training, drive, at_us=at, budget=brake, seed=chosen.seed, mapper=mapper, listener=listener
         )
     elif at == config.opening.release_us:
-        own = designed_opening(path, chosen.candidate, threads=threads)
+        own = designed_opening(path, chosen.candidate, mapper=mapper)
         designed = own.braked.released.waveform if own is not None and own.braked is not None else None
-    braked = None if designed is None else judge_opening(config, fresh, designed, at_us=at, threads=threads)
+    braked = None if designed is None else judge_opening(config, fresh, designed, at_us=at, mapper=mapper)
     return Judged(chosen=chosen, openings=Openings(at_us=at, plain=plain, braked=braked))
 
 

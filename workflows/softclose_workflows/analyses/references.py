@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from softclose.device.protocol import ModelError
-from softclose.evaluate import respond
 from softclose.evaluate.chain import chain_of
-from softclose.metrics.objective import Assessment
+from softclose.evaluate.pieces import Mapper, Sent, Work, here, respond_to_all
+from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.ranking import is_beyond
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
-
-if TYPE_CHECKING:
-    from softclose.device.simulate import Responses
 
 UNSHAPED = "unshaped"
 DETERMINISTIC = "deterministic"
@@ -58,20 +54,22 @@ def reference_designs(config: CampaignConfig) -> References:
 class SimulatedReferences:
     """The reference designs on given switches."""
 
-    responses: dict[str, tuple[Waveform, Responses]]
+    responses: dict[str, tuple[Waveform, Judged]]
     """Each with what the switches did."""
     missing: dict[str, str]
     """Those that there is nothing to show of, and why."""
 
 
-def simulate_references(config: CampaignConfig, lot: Lot) -> SimulatedReferences:
+def simulate_references(config: CampaignConfig, lot: Lot, mapper: Mapper = here) -> SimulatedReferences:
     """What a lot does under the reference designs; without the campaign's device model all are missing.
 
     Reference designs are what a lot is driven with today: nothing is tailored to a switch.
     """
-    references = reference_designs(config)
+    references, sent = reference_designs(config), Sent(config)
+    works = [Work(sent=sent, lot=lot, drive=u, for_everybody=True) for u in references.designs.values()]
     try:
-        responses = {name: (u, respond(config, lot, u, for_everybody=True)) for name, u in references.designs.items()}
+        found = zip(references.designs.items(), respond_to_all(works, mapper), strict=True)
+        responses = {name: (u, response) for (name, u), response in found}
     except ModelError as e:
         return SimulatedReferences(responses={}, missing=dict.fromkeys(references.designs, str(e)) | references.missing)
     return SimulatedReferences(responses=responses, missing=references.missing)

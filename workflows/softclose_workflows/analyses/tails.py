@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from softclose.evaluate.pieces import Mapper, here
 from softclose.uncertainty.tails import METHODS, Event, Method, Tail, tail
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.tell.plain import finite
@@ -40,7 +41,7 @@ def tails(
     n_switches: int = 1_000_000,
     relative_error: float = 0.05,
     seed: int = 0,
-    threads: int = 1,
+    mapper: Mapper = here,
 ) -> tuple[Chosen, list[tuple[Question, tuple[Tail, ...]]]]:
     """Every method's answer to every question about a candidate, by default the best certified one."""
     chosen = choose(path, candidate)
@@ -57,7 +58,7 @@ def tails(
                 relative_error=relative_error,
                 confidence=chosen.config.objective.confidence,
                 seed=seed,
-                threads=threads,
+                mapper=mapper,
             ),
         )
         for question in asked

@@ -23,9 +23,9 @@ from softclose_workflows.analyses.certify import certify as certify_store
 from softclose_workflows.analyses.finalists import certify_within
 from softclose_workflows.api.results import CampaignRun, Result, metrics, warned
 from softclose_workflows.run import extension
+from softclose_workflows.run.crew import open_crew
 from softclose_workflows.run.driving import drive
 from softclose_workflows.run.executors import Placement
-from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.warm_start import warm_started
 from softclose_workflows.tell.outputs import check_file, default_name, whole_file, write_text
 
@@ -146,6 +146,8 @@ def certify(
     top: int = 10,
     within_cm_s: float | None = None,
     threads: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[Certification]:
     """Certify the best candidates on new switches and keep the certificate in the store, as `softclose certify`.
 
@@ -163,7 +165,9 @@ def certify(
         Eliminate losers and double the sample until the winner is certain to within this [cm/s]; what is
         left is certified, on n_switches at most.
     threads
-        By default one per core.
+        Of this process, where nothing else is asked for; by default one per core.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -176,11 +180,12 @@ def certify(
         For numbers that cannot be used.
     """
     path = path_text(store)
-    options: Any = {"n_switches": n_switches, "seed": seed, "top": top, "threads": threads or n_cores()}
-    if within_cm_s is None:
-        found = certify_store(path, **options)
-    else:
-        found, _ = certify_within(path, within_cm_s, **options)
+    options: Any = {"n_switches": n_switches, "seed": seed, "top": top}
+    with open_crew(Placement(workers=workers, scheduler=scheduler), threads=threads) as crew:
+        if within_cm_s is None:
+            found = certify_store(path, **options, mapper=crew)
+        else:
+            found, _ = certify_within(path, within_cm_s, **options, mapper=crew)
     rows = [
         {"design": d.name, **metrics(d.assessment), "optimism of the training score [cm/s]": d.optimism_cm_s}
         for d in (*found.candidates, *found.references)

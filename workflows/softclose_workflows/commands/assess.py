@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
-from softclose_workflows.commands.options import columns_option, quiet_option
+from softclose_workflows.commands.options import columns_option, crew_options, quiet_option
 from softclose_workflows.terminal import say
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -49,6 +54,7 @@ from softclose_workflows.terminal import say
 @click.option("--switches", type=int, default=100_000, show_default=True, help="New switches.")
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the new switches [the certificate's].")
 @click.option("--keep", "keep_as", metavar="NAME", help="Keep it in STORE, as traces/NAME.")
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def assess(
@@ -64,6 +70,7 @@ def assess(
     switches: int,
     seed: int | None,
     keep_as: str | None,
+    placement: Placement,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -78,7 +85,7 @@ def assess(
     from softclose_workflows.analyses.assessed_trace import assess_trace, keep
     from softclose_workflows.analyses.certified_tables import comparison_line
     from softclose_workflows.run import records
-    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text, waveform_rows
     from softclose_workflows.tell.tables import interval_kinds, print_designs
@@ -93,13 +100,13 @@ def assess(
     )
     read = record.trace
     drive = read.simplified(tolerance_volts) if tolerance_volts > 0.0 else read
-    with bar("assessing", quiet=quiet) as listener:
+    with bar("assessing", quiet=quiet) as listener, open_crew(placement) as crew:
         found = assess_trace(
             source,
             drive,
             n_switches=switches,
             seed=seed,
-            threads=n_cores(),
+            mapper=crew,
             listener=listener,
             max_volts=max_volts,
             scaled=scale is not None,

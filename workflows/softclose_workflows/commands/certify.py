@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from softclose_workflows.commands.options import quiet_option
+from softclose_workflows.commands.options import crew_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -32,7 +35,8 @@ from softclose_workflows.commands.options import quiet_option
     help="Eliminate losers and double the sample until the winner is certain, or certain to within CM_S; at "
     "most --switches are used.",
 )
-@click.option("--threads", type=click.IntRange(min=1), help="Threads to simulate with [one per core].")
+@click.option("--threads", type=click.IntRange(min=1), help="Threads of this process to simulate with [one per core].")
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def certify(
@@ -42,6 +46,7 @@ def certify(
     top: int,
     within_cm_s: float | None,
     threads: int | None,
+    placement: Placement,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -54,17 +59,17 @@ def certify(
     from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification, print_race
     from softclose_workflows.analyses.certify import certify as run
     from softclose_workflows.analyses.finalists import certify_within
-    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
 
-    options: Any = {"n_switches": switches, "seed": seed, "top": top, "threads": threads or n_cores()}
+    options: Any = {"n_switches": switches, "seed": seed, "top": top}
     race = None
-    with bar("certifying", quiet=quiet) as listener:
+    with bar("certifying", quiet=quiet) as listener, open_crew(placement, threads=threads) as crew:
         if within_cm_s is None:
-            result = run(store, **options, listener=listener)
+            result = run(store, **options, mapper=crew, listener=listener)
         else:
-            result, race = certify_within(store, within_cm_s, **options, listener=listener)
+            result, race = certify_within(store, within_cm_s, **options, mapper=crew, listener=listener)
     if as_json:
         raced = {} if race is None else {"race": race.to_dict()}
         click.echo(json_text(certification_to_json(result) | raced))

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
-from softclose_workflows.commands.options import quiet_option
+from softclose_workflows.commands.options import crew_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -25,15 +30,24 @@ from softclose_workflows.commands.options import quiet_option
     metavar="N",
     help="Judge all on N new switches, the same ones where populations are the same.",
 )
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
-def compare(stores: tuple[str, ...], output: str | None, fresh: int | None, as_json: bool, quiet: bool) -> None:
+def compare(
+    stores: tuple[str, ...],
+    output: str | None,
+    fresh: int | None,
+    placement: Placement,
+    as_json: bool,
+    quiet: bool,
+) -> None:
     """Compare the best designs of two or more campaigns side by side.
 
     A certified campaign is judged on its new switches, any other on the switches that it was trained on; with --fresh
     all are judged alike, and differences are taken switch by switch.
     """
     from softclose_workflows.report.comparison import comparison_to_json, read_entries
+    from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import working
     from softclose_workflows.tell.outputs import check_file, say_written, write_text
     from softclose_workflows.tell.plain import json_text
@@ -41,8 +55,8 @@ def compare(stores: tuple[str, ...], output: str | None, fresh: int | None, as_j
     page = output is not None and output.lower().endswith((".html", ".htm"))
     if output is not None:
         check_file(output, "-o", [".html", ".htm", ".png", ".svg", ".pdf"])
-    with working("reading the stores", quiet=quiet):
-        entries = read_entries(stores, fresh or 0)
+    with working("reading the stores", quiet=quiet), open_crew(placement) as crew:
+        entries = read_entries(stores, fresh or 0, crew)
     if output is not None:
         with working("drawing", quiet=quiet):
             if page:

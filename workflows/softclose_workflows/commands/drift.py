@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from softclose_workflows.commands.options import quiet_option
+from softclose_workflows.commands.options import crew_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 KINDS = ("stiffness", "charge")
 
@@ -30,6 +33,7 @@ KINDS = ("stiffness", "charge")
 )
 @click.option("--switches", type=click.IntRange(min=100), default=20_000, show_default=True, help="New switches.")
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def drift(
@@ -38,6 +42,7 @@ def drift(
     kind: Any,
     values: tuple[float, ...],
     switches: int,
+    placement: Placement,
     figure: Path | None,
     as_json: bool,
     quiet: bool,
@@ -51,15 +56,15 @@ def drift(
     from softclose_workflows.figures.drifting import draw_drift
     from softclose_workflows.figures.saving import check_figure, save
     from softclose_workflows.figures.style import style
-    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
 
     if figure is not None:
         check_figure(figure)
-    with bar("drifting", quiet=quiet) as listener:
+    with bar("drifting", quiet=quiet) as listener, open_crew(placement) as crew:
         chosen, found = analyse(
-            store, kind, values, candidate=candidate, n_switches=switches, threads=n_cores(), listener=listener
+            store, kind, values, candidate=candidate, n_switches=switches, mapper=crew, listener=listener
         )
     if figure is not None:
         with style():

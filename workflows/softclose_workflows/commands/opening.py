@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from softclose_workflows.commands.options import quiet_option
+from softclose_workflows.commands.options import crew_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -26,6 +30,7 @@ from softclose_workflows.commands.options import quiet_option
 )
 @click.option("--switches", type=click.IntRange(min=100), default=10_000, show_default=True, help="New switches.")
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def opening(
@@ -35,6 +40,7 @@ def opening(
     brake: int,
     switches: int,
     figure: Path | None,
+    placement: Placement,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -47,20 +53,20 @@ def opening(
     from softclose_workflows.figures.opening import draw_opening
     from softclose_workflows.figures.saving import check_figure, save
     from softclose_workflows.figures.style import style
-    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
 
     if figure is not None:
         check_figure(figure)
-    with bar("opening", quiet=quiet) as listener:
+    with bar("opening", quiet=quiet) as listener, open_crew(placement) as crew:
         found = analyse(
             store,
             at_us=at_us,
             candidate=candidate,
             brake=brake,
             n_switches=switches,
-            threads=n_cores(),
+            mapper=crew,
             listener=listener,
         )
     openings = found.openings

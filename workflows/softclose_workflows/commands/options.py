@@ -11,8 +11,11 @@ import click
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def placement_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--workers, --scheduler, --cluster, --serial … handed to the command as one `placement`."""
+def placement_options(command: Callable[..., Any], usual: str = "one per core") -> Callable[..., Any]:
+    """--workers, --scheduler, --cluster, --serial … handed to the command as one `placement`.
+
+    usual: what is used where none of them is given.
+    """
 
     @functools.wraps(command)
     def with_placement(
@@ -58,10 +61,15 @@ def placement_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option("--plain-tcp", is_flag=True, help="Use a scheduler on another host without TLS."),
         click.option("--scheduler", metavar="ADDRESS", help="Use an existing Dask scheduler, e.g. tcp://host:8786."),
-        click.option("--workers", type=int, metavar="N", help="Worker processes of the local cluster [one per core]."),
+        click.option("--workers", type=int, metavar="N", help=f"Worker processes of the local cluster [{usual}]."),
     ):
         wrapped = option(wrapped)
     return wrapped
+
+
+def crew_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of `placement_options` for a command that uses threads of this process where nothing is said."""
+    return placement_options(command, usual="threads of this process, one per core")
 
 
 def quiet_option(command: Command) -> Command:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
-from softclose_workflows.commands.options import columns_option, quiet_option
+from softclose_workflows.commands.options import columns_option, crew_options, quiet_option
 from softclose_workflows.terminal import say
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -26,6 +31,7 @@ from softclose_workflows.terminal import say
 @click.option("--switches", type=click.IntRange(min=100), default=4_000, show_default=True, help="Of each lot.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of devices and switches.")
 @click.option("--any-lot", is_flag=True, help="Devices of another lot than the campaign's are taken, and said.")
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
 def propagate(
@@ -38,6 +44,7 @@ def propagate(
     switches: int,
     seed: int,
     any_lot: bool,
+    placement: Placement,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -52,12 +59,12 @@ def propagate(
     from softclose_workflows.analyses.devices import propagate as run
     from softclose_workflows.analyses.devices import said, to_json
     from softclose_workflows.commands.calibrate import parsed_bounds
-    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
 
     known = parsed_bounds(bounds)
-    with bar("refitting", quiet=quiet) as listener:
+    with bar("refitting", quiet=quiet) as listener, open_crew(placement) as crew:
         chosen, found, notes = run(
             store,
             measurements,
@@ -68,7 +75,7 @@ def propagate(
             n_switches=switches,
             seed=seed,
             any_lot=any_lot,
-            threads=n_cores(),
+            mapper=crew,
             listener=listener,
         )
     if as_json:

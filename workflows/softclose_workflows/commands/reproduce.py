@@ -38,7 +38,6 @@ def reproduce(
     Stopped or killed, the same command continues; what is finished is not computed again.
     """
     from softclose_workflows.figures.reproduction import draw_all
-    from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.studies.reproduce import QUICK, QUICK_SWITCHES, print_reproduction, to_json
     from softclose_workflows.studies.reproduce import reproduce as run
     from softclose_workflows.studies.series import Effort
@@ -49,7 +48,6 @@ def reproduce(
         n_switches=switches or (QUICK_SWITCHES if quick else 100_000),
         top=3 if quick else 10,
         placement=placement,
-        threads=n_cores(),
         quiet=quiet or as_json,
     )
     rows = run(out, effort, (*(QUICK if quick else ()), *overrides))

@@ -63,7 +63,6 @@ def study(
     from softclose_workflows.figures.saving import check_figure, save
     from softclose_workflows.figures.studying import draw_study, other
     from softclose_workflows.figures.style import style
-    from softclose_workflows.run.executors.placement import n_cores
     from softclose_workflows.studies.series import Effort
     from softclose_workflows.studies.study import print_study, run_study
     from softclose_workflows.studies.study_file import load_study
@@ -77,7 +76,6 @@ def study(
         top=top,
         placement=placement,
         at_once=at_once,
-        threads=n_cores(),
         quiet=quiet or as_json,
     )
     result = run_study(load_study(source, overrides), out, effort)

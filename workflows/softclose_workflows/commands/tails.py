@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from softclose_workflows.commands.options import crew_options
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 METHODS = ("brute", "form", "sorm", "importance", "subset")
 
@@ -37,6 +42,7 @@ METHODS = ("brute", "form", "sorm", "importance", "subset")
     help="Coefficient of variation at which importance and subset sampling end.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all random numbers.")
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def tails(
     store: str,
@@ -45,6 +51,7 @@ def tails(
     open_: bool,
     methods: tuple[Any, ...],
     switches: int,
+    placement: Placement,
     as_json: bool,
     **settings: Any,
 ) -> None:
@@ -57,21 +64,22 @@ def tails(
     from softclose_store import open_campaign
     from softclose_workflows.analyses.tails import questions, shown, to_json
     from softclose_workflows.analyses.tails import tails as analyse
-    from softclose_workflows.run.executors.placement import n_cores
+    from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.plain import json_text
 
     config = CampaignConfig.from_dict(open_campaign(store).config)
     asked = questions(limits or config.objective.limits_cm_s, open_)
-    chosen, found = analyse(
-        store,
-        asked,
-        candidate=candidate,
-        methods=methods or (METHODS if find_spec("openturns") else METHODS[:1]),
-        n_switches=switches,
-        threads=n_cores(),
-        **settings,
-    )
+    with open_crew(placement) as crew:
+        chosen, found = analyse(
+            store,
+            asked,
+            candidate=candidate,
+            methods=methods or (METHODS if find_spec("openturns") else METHODS[:1]),
+            n_switches=switches,
+            mapper=crew,
+            **settings,
+        )
     if as_json:
         click.echo(json_text(to_json(chosen, found)))
         return

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
+
+from softclose_workflows.commands.options import crew_options, quiet_option
+
+if TYPE_CHECKING:
+    from softclose_workflows.run.executors import Placement
 
 
 @click.command(
@@ -23,7 +30,9 @@ import click
 @click.option("--gain-sd", type=float, multiple=True, help="Its standard deviation between generators; repeatable.")
 @click.option("--jitter", type=float, multiple=True, help="Standard deviation of pulse starts [µs]; repeatable.")
 @click.option("--slew", type=float, multiple=True, help="Steepest slope of the generator [V/µs]; repeatable.")
+@crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+@quiet_option
 def tolerance(
     store: str,
     candidate: int | None,
@@ -33,7 +42,9 @@ def tolerance(
     gain_sd: tuple[float, ...],
     jitter: tuple[float, ...],
     slew: tuple[float, ...],
+    placement: Placement,
     as_json: bool,
+    quiet: bool,
 ) -> None:
     """Show how v_u and the share left open of a waveform in STORE change with errors of its generator.
 
@@ -43,7 +54,8 @@ def tolerance(
     from softclose.uncertainty.tolerance import DriveError
     from softclose_workflows.analyses.drive_errors import describe
     from softclose_workflows.analyses.drive_errors import tolerance as run
-    from softclose_workflows.tell.console import wide_console
+    from softclose_workflows.run.crew import open_crew
+    from softclose_workflows.tell.console import bar, wide_console
     from softclose_workflows.tell.plain import json_text, waveform_rows
     from softclose_workflows.tell.tables import points, share_open, with_interval
 
@@ -53,7 +65,16 @@ def tolerance(
         *(DriveError(jitter_us=x) for x in jitter),
         *(DriveError(slew_V_per_us=x) for x in slew),
     ]
-    chosen, rows = run(store, asked, candidate=candidate, n_switches=switches, n_generators=generators)
+    with bar("simulating", quiet=quiet) as listener, open_crew(placement) as crew:
+        chosen, rows = run(
+            store,
+            asked,
+            candidate=candidate,
+            n_switches=switches,
+            n_generators=generators,
+            mapper=crew,
+            listener=listener,
+        )
     if as_json:
         said = [
             {

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from softclose.evaluate.pieces import Mapper, here
 from softclose.metrics.objective import Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.gather import gather
-from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.labels import count
 from softclose_workflows.tell.plain import waveform_rows
@@ -48,11 +48,11 @@ class Entry:
         return f"{n} new switches" if self.is_fair else f"{n} training switches"
 
 
-def read_entries(paths: Sequence[str], fresh: int = 0) -> list[Entry]:
+def read_entries(paths: Sequence[str], fresh: int = 0, mapper: Mapper = here) -> list[Entry]:
     """Read every store. Raises CompareError where there are fewer than two.
 
     fresh: judge the best of each on so many new switches of its own population, the same ones where populations are
-    the same; 0: as each store judges it.
+    the same; 0: as each store judges it. mapper: who simulates.
     """
     if len(paths) < 2:
         raise CompareError(f"got {len(paths)} store; give two or more to compare")
@@ -66,15 +66,19 @@ def read_entries(paths: Sequence[str], fresh: int = 0) -> list[Entry]:
         Entry(label=label, data=data, design=data.judged_designs[0] if data.judged_designs else None)
         for label, data in zip(labels, found, strict=True)
     ]
-    return [_on_fresh(entry, fresh, entries[0].data.config.campaign.seed) for entry in entries] if fresh else entries
+    return (
+        [_on_fresh(entry, fresh, entries[0].data.config.campaign.seed, mapper) for entry in entries]
+        if fresh
+        else entries
+    )
 
 
-def _on_fresh(entry: Entry, n: int, seed: int) -> Entry:
+def _on_fresh(entry: Entry, n: int, seed: int, mapper: Mapper) -> Entry:
     if entry.design is None:
         return entry
     check_fresh(n, 1)
     config = entry.data.config
-    (response,) = simulate_fresh(config, [entry.design.waveform], n_switches=n, seed=seed, threads=n_cores())
+    (response,) = simulate_fresh(config, [entry.design.waveform], n_switches=n, seed=seed, mapper=mapper)
     old = entry.design
     design = Design.of(response, assess_fresh(response, config), name=old.name, role=old.role, waveform=old.waveform)
     return replace(entry, design=design, fresh=response)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,8 +18,8 @@ from softclose_store import DamageError, DriverStore, StoreError, finish_extensi
 from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store, layout_of
+from softclose_workflows.run.crew import Crew
 from softclose_workflows.run.executors import Placement, open_executor
-from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.needs import check_run
 from softclose_workflows.run.opening import design_at_the_end
 from softclose_workflows.run.progress import show_progress
@@ -45,6 +46,7 @@ def drive(
 
 def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, break_lock: bool, quiet: bool) -> None:
     with stop_on_signals() as stop, contextlib.ExitStack() as stack:
+        opened = functools.cache(lambda: stack.enter_context(open_executor(placement)))
         state = store_state(path)
         if state.finished and finish_extension(path, break_lock=break_lock):
             state = store_state(path)
@@ -58,7 +60,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
         if not state.finished:
             if config is None:
                 whole.check_plugins()
-            executor = stack.enter_context(open_executor(placement))
+            executor = opened()
             if config is not None and is_new:
                 create_store(config, path)
             store = stack.enter_context(DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock))
@@ -73,7 +75,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
         else:
             _check_whole(path)
         if whole.opening.is_designed:
-            design_at_the_end(path, threads=n_cores())
+            design_at_the_end(path, mapper=Crew(opened, stop))
 
 
 def _check_sizes(store: DriverStore, config: CampaignConfig, path: str) -> None:

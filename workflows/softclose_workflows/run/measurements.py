@@ -9,7 +9,7 @@ from softclose.plugins import MEASURED
 from softclose.settings import CampaignConfig
 from softclose_store import DriverStore, open_campaign
 from softclose_workflows.run.campaign import Driver
-from softclose_workflows.run.executors.protocol import Contact, Event
+from softclose_workflows.run.executors.protocol import Contact, Event, Task
 from softclose_workflows.run.tasks import BlockTask
 
 
@@ -32,7 +32,8 @@ class Measurements:
     def probe(self, store: str, fingerprint: str) -> None:
         """Devices are not asked whether they can."""
 
-    def submit(self, task: BlockTask) -> None:
+    def submit(self, task: Task) -> None:
+        assert isinstance(task, BlockTask)
         self.waiting.append(task)
 
     def next_event(self, timeout_s: float) -> Event | None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.evaluate.pieces import Mapper, here
 from softclose.opening import (
     Opening,
     OpeningError,
@@ -61,7 +62,7 @@ def candidate_of(group: str) -> int | None:
     return int(number) if kind == GROUP and number.isdecimal() else None
 
 
-def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings | None:
+def designed_opening(path: str, candidate: int, *, mapper: Mapper = here) -> Openings | None:
     """The opening of a candidate on the training switches: as stored, or else designed and stored.
 
     A pure function of the campaign; None where it designs none. What is damaged is designed again. Raises
@@ -77,7 +78,7 @@ def designed_opening(path: str, candidate: int, *, threads: int = 1) -> Openings
         stored = None
     if stored is not None:
         return stored
-    found = _design(campaign, config, candidate, threads)
+    found = _design(campaign, config, candidate, mapper)
     write_group(
         path,
         name_of(candidate),
@@ -101,17 +102,17 @@ def read_opening(path: str, candidate: int) -> Openings | None:
         ) from e
 
 
-def _design(campaign: Campaign, config: CampaignConfig, candidate: int, threads: int) -> Openings:
+def _design(campaign: Campaign, config: CampaignConfig, candidate: int, mapper: Mapper) -> Openings:
     settings, switches = config.opening, Lot(campaign.population()).rows(slice(config.opening.n_switches))
     at = settings.release_us
     drive = opened(Waveform.from_rows(campaign.waveform(candidate)), at)
-    plain = judge_opening(config, switches, drive, at_us=at, threads=threads)
+    plain = judge_opening(config, switches, drive, at_us=at, mapper=mapper)
     if not settings.brake:
         return Openings(at_us=at, plain=plain, braked=None)
     braked = design_brake(
-        config, switches, drive, at_us=at, budget=settings.brake, seed=config.campaign.seed, threads=threads
+        config, switches, drive, at_us=at, budget=settings.brake, seed=config.campaign.seed, mapper=mapper
     )
-    return Openings(at_us=at, plain=plain, braked=judge_opening(config, switches, braked, at_us=at, threads=threads))
+    return Openings(at_us=at, plain=plain, braked=judge_opening(config, switches, braked, at_us=at, mapper=mapper))
 
 
 def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
@@ -165,12 +166,12 @@ def openings_of(config: CampaignConfig, arrays: Mapping[str, NDArray[Any]]) -> O
     return Openings(at_us=config.opening.release_us, plain=found[0], braked=found[1] if len(found) > 1 else None)
 
 
-def design_at_the_end(path: str, *, threads: int) -> None:
+def design_at_the_end(path: str, *, mapper: Mapper) -> None:
     """What a finished campaign that designs an opening still has to do: that of its best candidate."""
     best = open_campaign(path).best()
     if best is None:
         return
     try:
-        designed_opening(path, best.candidate, threads=threads)
+        designed_opening(path, best.candidate, mapper=mapper)
     except OpeningError as e:
         say(f"note: no opening is designed for candidate {best.candidate}: {e}", err=True)

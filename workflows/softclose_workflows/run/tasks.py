@@ -57,6 +57,15 @@ class BlockTask:
         return f"candidates {self.first} to {last}, switches {self.start} to {self.stop - 1}"
 
     @property
+    def key(self) -> str:
+        """What a scheduler calls it."""
+        return f"block-{self.stage}-{self.row}-{self.column}"
+
+    def run(self) -> BlockResult:
+        """Compute it and store it."""
+        return run_block(self)
+
+    @property
     def place(self) -> tuple[int, int]:
         """Row and column."""
         return self.row, self.column

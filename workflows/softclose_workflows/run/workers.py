@@ -37,7 +37,7 @@ def warm_up() -> None:
 
 
 def probe(store: str, fingerprint: str, algorithm: str, dask_worker: Any = None) -> str:
-    """What keeps this process from computing blocks of a campaign; empty where nothing does.
+    """What keeps this process from computing blocks of a campaign; empty where nothing does. store: "" for none.
 
     The versions, the store as it is seen from here, a write to it, the kernel, the memory: in the order in which they
     are needed. dask_worker: Dask gives it, by this very name.
@@ -49,6 +49,12 @@ def probe(store: str, fingerprint: str, algorithm: str, dask_worker: Any = None)
 
     if algorithm != ALGORITHM:
         return f"its softclose computes by algorithm {ALGORITHM}, the driver's by {algorithm}: install the same version"
+    if not store:
+        try:
+            warm_up()
+        except Exception as e:
+            return f"{type(e).__name__}: {e}"
+        return ""
     try:
         config, _ = campaign_of(store, fingerprint)
         MODELS.check(config.model.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 from softclose import ALGORITHM
@@ -15,7 +16,9 @@ from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run import needs
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
+from softclose_workflows.run.crew import Crew
 from softclose_workflows.run.executors import Executor, Placement, open_executor
+from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.progress import show_progress
 from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
@@ -51,8 +54,6 @@ class Effort:
     """Where blocks are computed."""
     at_once: int = 1
     """Campaigns that run at the same time."""
-    threads: int = 1
-    """Threads of a certification."""
     quiet: bool = False
     """Say nothing."""
 
@@ -78,10 +79,12 @@ def run_series(
         create_store(member.config, member.store(folder))
     results = []
     with stop_on_signals() as stop, ExitStack() as stack, _same_command_continues():
-        executor: Executor | None = None
+        cluster = cache(lambda: stack.enter_context(open_executor(effort.placement)))
+        threads = cache(lambda: stack.enter_context(open_executor(effort.placement, threads=n_cores())))
+        crew = Crew(threads if effort.placement.is_usual else cluster, stop)
         left = [path for m in members if not open_campaign(path := m.store(folder)).finished]
         if effort.at_once > 1 and len(left) > 1:
-            executor = stack.enter_context(open_executor(effort.placement))
+            executor = cluster()
             if executor.contact is None:
                 raise ExecutorError("--at-once needs workers that several drivers can share: leave --serial out")
             run_at_once(
@@ -97,14 +100,10 @@ def run_series(
                 raise Stopped(f"{stop.signal_name} received")
             path = member.store(folder)
             if not open_campaign(path).finished:
-                if executor is None:  # nothing left to run needs no cluster
-                    executor = stack.enter_context(open_executor(effort.placement))
                 _say(effort, f"[{number}/{len(members)}] {member.config.campaign.name}")
-                _run(path, executor, stop, effort)
+                _run(path, cluster(), stop, effort)
             with bar(f"certifying {member.name}", quiet=effort.quiet) as listener:
-                result = certify(
-                    path, n_switches=effort.n_switches, top=effort.top, threads=effort.threads, listener=listener
-                )
+                result = certify(path, n_switches=effort.n_switches, top=effort.top, mapper=crew, listener=listener)
             results.append(result)
             if done is not None:
                 done(member, result)

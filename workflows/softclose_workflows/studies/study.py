@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from softclose.waveform import is_above
 from softclose_workflows.analyses.certify import Certification, assess_fresh, simulate_fresh
+from softclose_workflows.run.crew import open_crew
 from softclose_workflows.studies.series import Effort, Member, run_series
 from softclose_workflows.studies.study_file import Study
 from softclose_workflows.tell.console import bar, wide_console
@@ -89,7 +90,10 @@ def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certifica
     """Certified g of every optimum under every value, on the new switches of that value. (n_value, n_value)."""
     g = np.full((len(members), len(members)), math.nan)
     waveforms = [c.best.waveform for c in certifications]
-    with bar("every optimum under every value", quiet=effort.quiet) as listener:
+    with (
+        bar("every optimum under every value", quiet=effort.quiet) as listener,
+        open_crew(effort.placement) as crew,
+    ):
         for i, (member, own) in enumerate(zip(members, certifications, strict=True)):
             config = member.config
             columns = [
@@ -103,7 +107,7 @@ def cross_evaluate(members: Sequence[Member], certifications: Sequence[Certifica
                 [waveforms[j] for j in columns],
                 n_switches=own.n_switches,
                 seed=own.seed,
-                threads=effort.threads,
+                mapper=crew,
                 listener=listener,
             )
             for j, response in zip(columns, responses, strict=True):

@@ -1,4 +1,4 @@
-"""Owns the Dask executor: blocks on a cluster, local or one's own."""
+"""Owns the Dask executor: tasks on a cluster, local or one's own."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ from urllib.parse import urlsplit
 
 from softclose import ALGORITHM
 from softclose_workflows.errors import ExecutorError, Stopped
-from softclose_workflows.run.executors.protocol import Contact, Event
+from softclose_workflows.run.executors.protocol import Contact, Event, Task, run_task
 from softclose_workflows.run.faults import MAX_TRIES
-from softclose_workflows.run.tasks import BlockResult, BlockTask, run_block
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-    BlockFuture = Future[BlockResult]
+    Answer = Future[Any]
 
 LIVE_PER_WORKER = 4
 """Blocks sent ahead for each worker, so that none waits for the driver."""
@@ -44,8 +43,8 @@ SILENT = logging.CRITICAL + 1
 class Sent:
     """A block under way."""
 
-    task: BlockTask
-    future: BlockFuture
+    task: Task
+    future: Answer
     workers: frozenset[str] | None
     """Where alone it may run; None: anywhere."""
 
@@ -68,7 +67,7 @@ class DaskExecutor:
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
         self._futures: dict[str, Sent] = {}
-        self._waiting: deque[BlockTask] = deque()
+        self._waiting: deque[Task] = deque()
         self._feeding = threading.Lock()
         # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
         self._token = uuid.uuid4().hex[:8]
@@ -148,8 +147,8 @@ class DaskExecutor:
         """True where a result waits to be asked for."""
         return not self._events.empty()
 
-    def submit(self, task: BlockTask) -> None:
-        """Send one block, or keep it until fewer are under way; its outcome arrives through `next_event`."""
+    def submit(self, task: Task) -> None:
+        """Send one task, or keep it until fewer are under way; its outcome arrives through `next_event`."""
         self._waiting.append(task)
         self._feed()
 
@@ -160,19 +159,19 @@ class DaskExecutor:
             for _ in range(min(room, len(self._waiting))):
                 self._send(self._waiting.popleft())
 
-    def _send(self, task: BlockTask) -> None:
-        key = f"block-{task.stage}-{task.row}-{task.column}-{self._token}-{uuid.uuid4().hex[:6]}"
+    def _send(self, task: Task) -> None:
+        key = f"{task.key}-{self._token}-{uuid.uuid4().hex[:6]}"
         chosen = self._fit() if self._unfit else None
-        future = self._client.submit(run_block, task, key=key, pure=False, workers=chosen)
+        future = self._client.submit(run_task, task, key=key, pure=False, workers=chosen)
         self._futures[key] = Sent(task, future, None if chosen is None else frozenset(chosen))
         future.add_done_callback(lambda done: self._finished(task, done))
 
-    def _finished(self, task: BlockTask, future: BlockFuture) -> None:
+    def _finished(self, task: Task, future: Answer) -> None:
         """Runs on Dask's callback thread."""
         if str(future.key) not in self._futures:
             return
         try:
-            outcome = self._outcome(task, future)
+            outcome: Any = self._outcome(task, future)
         except BaseException as e:  # the thread is Dask's: what is raised here would be seen by nobody
             outcome = e
         # Dask would compute a result again whose only holder died, for as long as someone holds its future.
@@ -189,12 +188,11 @@ class DaskExecutor:
                     sent.future.cancel()
                     self._send(sent.task)
 
-    def _outcome(self, task: BlockTask, future: BlockFuture) -> BlockResult | BaseException:
+    def _outcome(self, task: Task, future: Answer) -> Any:
         from distributed.scheduler import KilledWorker
 
         if future.status == "finished":
-            result: BlockResult = future.result(timeout=self._patience_s)
-            return result
+            return future.result(timeout=self._patience_s)
         failure: BaseException | None = future.exception() if future.status == "error" else None
         if isinstance(failure, KilledWorker):
             return Stopped(

@@ -12,6 +12,7 @@ from softclose_workflows.run.executors.cluster_file import Cluster
 from softclose_workflows.run.executors.dask import local_cluster, remote_cluster
 from softclose_workflows.run.executors.protocol import Executor
 from softclose_workflows.run.executors.serial import SerialExecutor
+from softclose_workflows.run.executors.threads import ThreadExecutor
 
 PATIENCE_S = 30.0
 """How long a run waits without any worker, or without its scheduler, before it stops [s]; `--patience`."""
@@ -44,6 +45,11 @@ class Placement:
             raise ExecutorError("--workers, --scheduler, --cluster and --serial exclude each other; give one of them")
 
     @property
+    def is_usual(self) -> bool:
+        """True where nothing is said of where to compute."""
+        return self.workers is None and self.scheduler is None and self.cluster is None and not self.serial
+
+    @property
     def wait_s(self) -> float:
         """How long a run waits without any worker [s]: jobs may queue."""
         return self.patience_s if self.cluster is None else max(self.cluster.wait_s, self.patience_s)
@@ -61,10 +67,19 @@ class Placement:
 
 
 @contextlib.contextmanager
-def open_executor(placement: Placement) -> Iterator[Executor]:
-    """An executor for the length of a `with` block. Raises ExecutorError where it cannot be started."""
-    if placement.serial:
+def open_executor(placement: Placement, *, threads: int | None = None) -> Iterator[Executor]:
+    """An executor for the length of a `with` block. Raises ExecutorError where it cannot be started.
+
+    threads: so many of this process, where the placement names nothing else; None: a local cluster then.
+    """
+    if placement.serial or (threads == 1 and placement.is_usual):
         yield SerialExecutor()
+    elif threads is not None and placement.is_usual:
+        pool = ThreadExecutor(threads)
+        try:
+            yield pool
+        finally:
+            pool.close()
     elif placement.scheduler is not None:
         with remote_cluster(placement.scheduler, placement.patience_s, plain_tcp=placement.plain_tcp) as executor:
             yield executor

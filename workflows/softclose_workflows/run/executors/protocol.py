@@ -1,4 +1,4 @@
-"""Owns the protocol of executors: tasks in, finished blocks back, in any order.
+"""Owns the protocol of executors: tasks in, their answers back, in any order.
 
 Nothing in a campaign may depend on that order.
 """
@@ -6,11 +6,34 @@ Nothing in a campaign may depend on that order.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
-from softclose_workflows.run.tasks import BlockResult, BlockTask
 
-Event = tuple[BlockTask, BlockResult | BaseException]
+class Task(Protocol):
+    """A piece of work that any process can do: it can be pickled, and doing it twice gives the same bits."""
+
+    @property
+    def name(self) -> str:
+        """What it is, for messages."""
+        ...
+
+    @property
+    def key(self) -> str:
+        """What a scheduler calls it; no two tasks of a run have the same."""
+        ...
+
+    def run(self) -> Any:
+        """Do it; what comes back."""
+        ...
+
+
+def run_task(task: Task) -> Any:
+    """Do a piece of work: what a worker is asked for."""
+    return task.run()
+
+
+Event = tuple[Any, Any]
+"""A task and its answer, or what it failed with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +47,7 @@ class Contact:
 
 
 class Executor(Protocol):
-    """Runs block tasks; results come back in any order."""
+    """Runs tasks; answers come back in any order."""
 
     dashboard: str | None
     """Address of the dashboard, where there is one."""
@@ -46,16 +69,16 @@ class Executor(Protocol):
     def probe(self, store: str, fingerprint: str) -> None:
         """Ask every worker, also those to come, whether it can compute blocks of a campaign; others get none.
 
-        Raises Stopped, with the reasons, where no worker can.
+        store: "" where the work touches none. Raises Stopped, with the reasons, where no worker can.
         """
         ...
 
-    def submit(self, task: BlockTask) -> None:
-        """Start one block, now or when there is room for it."""
+    def submit(self, task: Task) -> None:
+        """Start one task, now or when there is room for it."""
         ...
 
     def next_event(self, timeout_s: float) -> Event | None:
-        """The next finished block with its result or its failure, or None after timeout_s.
+        """The next finished task with its answer or its failure, or None after timeout_s.
 
         Raises Stopped when the workers or the scheduler are gone.
         """

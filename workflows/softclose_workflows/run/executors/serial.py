@@ -1,15 +1,14 @@
-"""Owns the serial executor: blocks run in this process, one after the other. For debugging and tests."""
+"""Owns the serial executor: tasks run in this process, one after the other. For debugging and tests."""
 
 from __future__ import annotations
 
 from collections import deque
 
-from softclose_workflows.run.executors.protocol import Contact, Event
-from softclose_workflows.run.tasks import BlockTask, run_block
+from softclose_workflows.run.executors.protocol import Contact, Event, Task, run_task
 
 
 class SerialExecutor:
-    """Runs each block in this process, when its result is asked for."""
+    """Runs each task in this process, when its answer is asked for."""
 
     n_workers = 1
     dashboard: str | None = None
@@ -18,21 +17,21 @@ class SerialExecutor:
     has_finished = False
 
     def __init__(self) -> None:
-        self._waiting: deque[BlockTask] = deque()
+        self._waiting: deque[Task] = deque()
 
     def probe(self, store: str, fingerprint: str) -> None:
-        """Nothing to ask: this process has the store open, and loads the kernel with its first block."""
+        """Nothing to ask: this process has the store open, and loads the kernel with its first task."""
 
-    def submit(self, task: BlockTask) -> None:
-        """Queue one block."""
+    def submit(self, task: Task) -> None:
+        """Queue one task."""
         self._waiting.append(task)
 
     def next_event(self, timeout_s: float) -> Event | None:
-        """Compute the oldest queued block."""
+        """Do the oldest queued task."""
         if not self._waiting:
             return None
         task = self._waiting.popleft()
         try:
-            return task, run_block(task)
+            return task, run_task(task)
         except Exception as e:
             return task, e

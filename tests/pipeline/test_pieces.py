@@ -1,0 +1,76 @@
+"""Claims about pieces: they cover a question, answers are those of the whole, their size is by stated cost alone."""
+
+from __future__ import annotations
+
+import itertools
+import pickle
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from softclose.baselines import deterministic_design
+from softclose.device import cost
+from softclose.evaluate import draw, respond
+from softclose.evaluate.chain import chain_of
+from softclose.evaluate.pieces import Sent, Work, here, light, respond_to_all, rows_of_pieces
+from softclose.settings import load_config
+
+PLAIN, SMALL = load_config("current"), ["population.n_switches=64"]
+WAVE = deterministic_design(PLAIN.build_population())
+LOSSY = load_config("current", ["model.quality_factor=30.0"])
+
+
+def sent_off(function: Callable[[Any], Any], pieces: Iterable[Any], /) -> Iterator[Any]:
+    """A mapper whose pieces and answers cross from one process to another."""
+    return (pickle.loads(pickle.dumps(function(pickle.loads(pickle.dumps(piece))))) for piece in pieces)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 30_000), st.integers(1, 12), st.sampled_from([PLAIN, LOSSY]))
+def test_pieces_cover_every_row_once_and_in_order(n: int, n_waveforms: int, config: Any) -> None:
+    pieces = rows_of_pieces(config, n, n_waveforms=n_waveforms)
+    assert [*itertools.chain(*pieces)] == [*range(n)]
+    each = cost.seconds_a_trajectory(chain_of(config).device) * n_waveforms
+    assert all(len(rows) * each <= cost.PIECE_S for rows in pieces)
+
+
+def test_what_costs_more_is_cut_finer() -> None:
+    """Losses, temperatures, waveforms."""
+    hot = load_config("current-temperature")
+    sizes = [len(rows_of_pieces(config, 20_000)) for config in (PLAIN, hot, LOSSY)]
+    assert sizes == sorted({*sizes})
+    assert len(rows_of_pieces(PLAIN, 20_000, n_waveforms=12)) > len(rows_of_pieces(PLAIN, 20_000))
+
+
+@pytest.mark.parametrize(("stated", "rows"), [(0.1, 1), (0.001, 50), (1e-9, cost.MOST_ROWS), ("slow", 50), (-1.0, 50)])
+def test_somebody_s_model_states_what_a_trajectory_costs(
+    stated: Any, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = type("Model", (), {"seconds_a_trajectory": stated})()
+    monkeypatch.setattr(type(cost.MODELS), "load", lambda self, name: model)
+    assert cost.rows_a_piece(replace(chain_of(PLAIN).device, name="theirs")) == rows
+
+
+@pytest.mark.parametrize("mapper", [here, sent_off])
+@pytest.mark.parametrize("name", ["current", "current-temperature", "current-trim", "current-amplifier"])
+def test_answers_are_those_of_the_whole(mapper: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = load_config(name, SMALL)
+    lots = [draw(config, n, seed=n) for n in (64, 7)]
+    monkeypatch.setattr("softclose.evaluate.pieces.rows_a_piece", lambda *_, **__: 5)
+    works = [Work(sent=Sent(config), lot=lot, drive=WAVE) for lot in lots]
+    for lot, found in zip(lots, respond_to_all(works, mapper), strict=True):
+        whole = light(respond(config, lot, WAVE))
+        for name in ("max_contact_speed", "closed", "status", "settling_us"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
+
+
+def test_a_configuration_is_one_object_however_many_pieces_bring_it() -> None:
+    sent = Sent(PLAIN)
+    first, second = (pickle.loads(pickle.dumps((sent, k)))[0] for k in range(2))
+    assert first.config is second.config
+    assert first.config == PLAIN
