@@ -23,6 +23,8 @@ from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
 from softclose.switch.plate import A1, PLATE_AREA_UM2, Switches, mass, pull_in_voltage, stiffness
+from softclose.population.nets import MOST_POINTS, scrambled_sobol
+from softclose.switch.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
 
 FloatArray = NDArray[np.float64]
 Sampling = Literal["monte-carlo", "sobol", "replicated"]
@@ -30,7 +32,6 @@ Sampling = Literal["monte-carlo", "sobol", "replicated"]
 SAMPLINGS: tuple[str, ...] = ("monte-carlo", "sobol", "replicated")
 VARIABLES = ("D", "G", "E", "T")
 _N_MOMENTS = 2**14
-_MAX_SOBOL = 2**30  # scipy's generator has 30 bits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -464,13 +465,6 @@ def _replicated(n: int, key: np.random.SeedSequence, start: int) -> FloatArray:
 
 def _scrambled(n: int, key: np.random.SeedSequence, start: int) -> FloatArray:
     """Points `start` to `start + n` of one scrambled Sobol sequence in [0, 1)⁴."""
-    from scipy.stats import qmc
-
-    if start + n > _MAX_SOBOL:
-        raise PopulationError(f"start + n is {start + n}; a Sobol sequence has at most {_MAX_SOBOL} points")
-    engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(key))
-    if start:
-        engine.fast_forward(start)
-        return np.asarray(engine.random(n))
-    # Drawing a power of two and cutting it: scipy warns about the balance of any other first draw.
-    return np.asarray(engine.random_base2((n - 1).bit_length())[:n])
+    if start + n > MOST_POINTS:
+        raise PopulationError(f"start + n is {start + n}; a Sobol sequence has at most {MOST_POINTS} points")
+    return scrambled_sobol(4, n, np.random.default_rng(key), start=start)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
+from softclose.population.nets import MOST_DIMENSIONS, scrambled_sobol
 from softclose.propose.origins import SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave
 from softclose.waveform import Waveform
@@ -19,6 +19,10 @@ WAVE = 20
 
 def sobol_points(dim: int, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(n, dim) scrambled Sobol points in [0, 1). The first rows do not depend on n."""
+    if dim <= MOST_DIMENSIONS:
+        return scrambled_sobol(dim, n, rng)
+    from scipy.stats import qmc  # here: it takes a second to import
+
     design = qmc.Sobol(dim, scramble=True, rng=rng).random_base2(max(0, math.ceil(math.log2(max(n, 1)))))
     return np.asarray(design[:n], dtype=np.float64)
 
