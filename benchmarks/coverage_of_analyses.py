@@ -56,17 +56,15 @@ def _shares(held: Iterator[NDArray[np.bool_]], repetitions: int) -> FloatArray:
 def known_tails() -> ExitStack:
     """A lot whose V is normal, 10 + 2 z cm/s, where z is along a fixed direction of its coordinates."""
 
-    def measure(space: Any, u: FloatArray) -> FloatArray:
-        space.n += len(u)
-        return 10.0 + 2.0 * (u @ DIRECTION)
+    def measure(asked: Any, u: FloatArray) -> tuple[FloatArray, int]:
+        return 10.0 + 2.0 * (u @ DIRECTION), 0
 
     def drawn(config: Any, n: int, *, seed: int, start: int, ensemble: Ensemble) -> FloatArray:
         return np.random.default_rng((seed, start)).standard_normal((n, DIRECTION.size))
 
     stack = ExitStack()
-    for name, value in (("lot", lambda space, u: u), ("measure", measure)):
-        stack.enter_context(patch.object(tails._Space, name, value))
-    stack.enter_context(patch.object(tails, "draw", drawn))
+    for name, value in (("_lot_at", lambda config, u: u), ("_measure", measure), ("draw", drawn)):
+        stack.enter_context(patch.object(tails, name, value))
     return stack
 
 

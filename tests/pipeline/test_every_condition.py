@@ -17,6 +17,7 @@ from softclose import Trace
 from softclose.conditions.streams import Ensemble, Stream, StreamError, check
 from softclose.evaluate import coordinates, draw, evaluate, realise, respond, uniforms
 from softclose.evaluate.chain import CONDITIONS as KINDS
+from softclose.evaluate.pieces import here
 from softclose.metrics.objective import in_time
 from softclose.opening import assess_opening, let_go, opened
 from softclose.population import load_population
@@ -138,9 +139,9 @@ def test_the_space_of_rare_failures_is_the_lot_with_all_that_its_conditions_draw
     u = uniforms(c, N, seed=4)
     from scipy.special import ndtri
 
-    space = tails._Space(c, DRIVE, "fast", 19.7, 1)
+    space = tails._Space(c, DRIVE, "fast", 19.7, here)
     normal = np.hstack([ndtri(u[x.name]) for x in coordinates(c)])
-    found, wanted = space.lot(normal), realise(c, u)
+    found, wanted = tails._lot_at(c, normal), realise(c, u)
     assert list(found) == list(wanted)
     for column in found:
         np.testing.assert_allclose(found[column], wanted[column], rtol=1e-6)

@@ -12,6 +12,7 @@ import by_hand
 from softclose import Waveform
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
+from softclose.evaluate.pieces import here
 from softclose.settings import load_config
 from softclose.uncertainty import tails as module
 from softclose.uncertainty.tails import TailError, tail
@@ -27,12 +28,8 @@ def known(monkeypatch):
     """A lot whose V is a stated function of its standard normal coordinates."""
 
     def use(function):
-        def measure(self, u):
-            self.n += len(u)
-            return function(u)
-
-        monkeypatch.setattr(module._Space, "lot", lambda self, u: u)
-        monkeypatch.setattr(module._Space, "measure", measure)
+        monkeypatch.setattr(module, "_lot_at", lambda config, u: u)
+        monkeypatch.setattr(module, "_measure", lambda asked, u: (function(u), 0))
         monkeypatch.setattr(
             module,
             "draw",
@@ -219,7 +216,7 @@ EVERYTHING = {
 def test_a_point_of_the_space_is_the_switch_at_those_uniform_numbers():
     """Every condition at once: four variables, two errors of measurement, gain and clock, temperature."""
     config = load_config(EVERYTHING)
-    space = module._Space(config, DRIVE, "fast", 19.7, 1)
+    space = module._Space(config, DRIVE, "fast", 19.7, here)
     assert space.dim == 9
     normal = np.random.default_rng(5).standard_normal((6, 9))
     u = norm.cdf(normal)
@@ -241,11 +238,11 @@ def test_a_switch_that_closes_too_late_is_open():
 
 def test_the_space_of_a_trimmed_lot_has_a_coordinate_for_each_error():
     config = load_config({"trim": {"measured": "pull-in and resonance"}})
-    space = module._Space(config, DRIVE, "fast", 19.7, 1)
+    space = module._Space(config, DRIVE, "fast", 19.7, here)
     assert space.dim == 6
     u = np.zeros((3, 6))
     u[1, 4], u[2, 5] = 2.0, 2.0
-    lot = space.lot(u)
+    lot = module._lot_at(config, u)
     for name in "DGETKM":
         assert len({*lot[name]}) == 1
     a, b = lot["voltage_scale"], lot["time_scale"]

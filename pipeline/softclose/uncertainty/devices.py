@@ -174,7 +174,7 @@ def propagate(
     sent = Sent(settings)
     figures = np.full((3, n_lots), math.nan)
     failed = 0
-    lots = plausible_populations(population, n_devices, n_lots, seed=seed, bounds=bounds)
+    lots = list(plausible_populations(population, n_devices, n_lots, seed=seed, bounds=bounds))
     wanted = [population, *(lot for lot in lots if lot is not None)]
     answers = mapper(_judged, [_Lot(sent, waveform, lot, n_switches, seed) for lot in wanted])
     fitted = next(answers)

@@ -190,12 +190,16 @@ def _measure(asked: _Asked, lot: Lot) -> tuple[FloatArray, int]:
 
 
 def _measured(piece: tuple[_Asked, FloatArray]) -> tuple[FloatArray, int]:
-    """The switches at (n, dim) standard normal coordinates."""
+    """What is measured at (n, dim) standard normal coordinates."""
     asked, u = piece
-    drawn = coordinates(asked.sent.config)
+    return _measure(asked, _lot_at(asked.sent.config, u))
+
+
+def _lot_at(config: CampaignConfig, u: FloatArray) -> Lot:
+    """The switches at (n, dim) standard normal coordinates."""
+    drawn = coordinates(config)
     parts = np.split(ndtr(u), np.cumsum([len(c.parts) for c in drawn])[:-1], axis=1)
-    lot = realise(asked.sent.config, {c.name: p for c, p in zip(drawn, parts, strict=True)})
-    return _measure(asked, lot)
+    return realise(config, {c.name: p for c, p in zip(drawn, parts, strict=True)})
 
 
 def _counted(piece: tuple[_Asked, int, range]) -> tuple[int, int]:
