@@ -76,7 +76,8 @@ def scrambled_sobol(dim: int, n: int, rng: np.random.Generator, *, start: int = 
     for first in range(0, int(start + n).bit_length(), _DIGITS):
         sums = _all_sums(numbers[:, first : min(first + _DIGITS, int(start + n).bit_length())])
         points = points ^ sums[(gray >> np.uint32(first)) & np.uint32(len(sums) - 1)]
-    return np.multiply(points, 2.0**-N_BITS)
+    scaled: FloatArray = points * 2.0**-N_BITS
+    return scaled
 
 
 def _all_sums(numbers: Bits) -> Bits:

@@ -22,9 +22,8 @@ from softclose.population.formula import Formula
 from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
-from softclose.switch.plate import A1, PLATE_AREA_UM2, Switches, mass, pull_in_voltage, stiffness
 from softclose.population.nets import MOST_POINTS, scrambled_sobol
-from softclose.switch.plate import A1, PLATE_AREA_UM2, mass, pull_in_voltage, stiffness
+from softclose.switch.plate import A1, PLATE_AREA_UM2, Switches, mass, pull_in_voltage, stiffness
 
 FloatArray = NDArray[np.float64]
 Sampling = Literal["monte-carlo", "sobol", "replicated"]
