@@ -13,7 +13,9 @@ from softclose.settings import load_config
 SPACE_OF = {"paper": "two-pulse-paper"}
 
 
-def problem_of(engine="skopt", budget=24, *, campaign=None, explore=None, finish=None, waveform=None, **optimiser):
+def problem_of(
+    engine="skopt", budget=24, *, campaign=None, explore=None, finish=None, waveform=None, prior=None, **optimiser
+):
     return Problem(
         load_config(
             {
@@ -21,6 +23,7 @@ def problem_of(engine="skopt", budget=24, *, campaign=None, explore=None, finish
                 "population": {"n_switches": 50},
                 "waveform": {"space": SPACE_OF.get(engine, "two-pulse-full")} | (waveform or {}),
                 "optimiser": {"engine": engine, "n_initial": 8, "n_candidates": 128} | optimiser,
+                "prior": {"model": "none"} | (prior or {}),
                 "explore": {"generation": 6, "n_scouts": 6} | (explore or {}),
                 "finish": {"n_switches": 100, "n_basins": 3} | (finish or {}),
             }

@@ -47,6 +47,7 @@ OPENING = (
 )
 FRONT = (
     "campaign.budget=12",
+    "prior.model=none",
     "optimiser.n_initial=4",
     "optimiser.batch=4",
     "population.n_switches=32",

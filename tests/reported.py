@@ -19,7 +19,7 @@ HOSTILE = "<script>alert(1)</script> %{x} & \u2028 {{ 7 * 7 }}"
 def hostile_store() -> str:
     """A finished campaign of eight candidates, three from the surrogate, with a hostile name. Read it only."""
     folder = Path(_SCRATCH.name)
-    settings = ("campaign.budget=8", "optimiser.n_initial=5", f"campaign.name={HOSTILE}")
+    settings = ("campaign.budget=8", "prior.model=none", "optimiser.n_initial=5", f"campaign.name={HOSTILE}")
     return make_campaign(folder / "hostile.zarr", *FINISHED, *settings)
 
 

@@ -18,6 +18,7 @@ from softclose_workflows.run.tasks import BlockTask
 
 FINISHED = (
     "campaign.budget=12",
+    "prior.model=none",
     "population.n_switches=200",
     "store.n_times=251",
     "store.max_impacts=8",
@@ -27,6 +28,7 @@ FINISHED = (
 
 COARSE = (
     "campaign.budget=8",
+    "prior.model=none",
     "population.n_switches=80",
     "compute.block_switches=50",
     "store.n_times=11",
@@ -38,6 +40,7 @@ COARSE = (
 
 COMPLETE = (
     "campaign.budget=6",
+    "prior.model=none",
     "population.n_switches=40",
     "compute.block_switches=80",
     "store.n_times=11",

@@ -27,6 +27,10 @@ POINTS = (
 )
 """Every durability step, in the order of a wave's life: its blocks, the rows of its records, its commit."""
 
+PRIOR_POINTS = ("finding-basins", "before-basins", "inside-group", "after-basins")
+"""The steps of a prior's basins, before the first wave: of a campaign that has one. `inside-group` is passed before
+each file of any result group."""
+
 _passages: Counter[str] = Counter()
 
 

@@ -22,6 +22,7 @@ from zarr.buffer import cpu
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
 
+from softclose_store import faults
 from softclose_store.disk.files import (
     StorePath,
     delete_key,
@@ -128,6 +129,7 @@ def write_group(
     # The metadata last, the copy before them: at every instant one of the two says what the group is, the old one or
     # the new, and from that a repair makes it whole. Nothing goes before its replacement is there.
     for key in sorted(contents, key=lambda key: (key == last, key in copies, key not in parents, key)):
+        faults.point("inside-group")
         if key not in parents or read_key(files, key) is None:
             write_key(files, key, contents[key])
     for key in old:

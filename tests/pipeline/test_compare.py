@@ -47,7 +47,9 @@ def observation(index: int, g: float, n_switches: int, *, failed: bool = False) 
 
 @pytest.mark.parametrize("lag", [1, 3])
 def test_an_engine_sees_what_it_would_see_with_that_many_candidates_in_flight(lag: int) -> None:
-    config = load_config({"campaign": {"budget": 6, "lag": lag}, "population": {"n_switches": 20}})
+    config = load_config(
+        {"campaign": {"budget": 6, "lag": lag}, "prior": {"model": "none"}, "population": {"n_switches": 20}}
+    )
     recorder = Recorder()
     history, wall, spent = run_engine(config, recorder)
     assert recorder.shown == [(i, max(i - lag + 1, 0), min(i, lag - 1)) for i in range(6)]
@@ -56,7 +58,9 @@ def test_an_engine_sees_what_it_would_see_with_that_many_candidates_in_flight(la
 
 
 def test_a_wave_of_an_engine_that_proposes_singly_shows_it_the_others_of_the_wave() -> None:
-    config = load_config({"campaign": {"budget": 7, "wave": 3, "lag": 2}, "population": {"n_switches": 20}})
+    config = load_config(
+        {"campaign": {"budget": 7, "wave": 3, "lag": 2}, "prior": {"model": "none"}, "population": {"n_switches": 20}}
+    )
     recorder = Recorder()
     history, _, _ = run_engine(config, recorder)
     assert [o.wave for o in history] == [0, 0, 0, 1, 1, 1, 2]
@@ -80,6 +84,7 @@ def test_a_comparison_reports_the_finishing_stage_on_its_own_ensemble() -> None:
     config = load_config(
         {
             "campaign": {"budget": 10},
+            "prior": {"model": "none"},
             "population": {"n_switches": 40, "sampling": "sobol"},
             "optimiser": {"n_initial": 8},
             "finish": {"budget": 6, "n_switches": 160, "n_basins": 2},

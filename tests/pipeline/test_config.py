@@ -193,6 +193,7 @@ def test_every_section_documents_its_keys() -> None:
         "opening",
         "reference",
         "optimiser",
+        "prior",
         "explore",
         "finish",
         "compute",

@@ -155,7 +155,16 @@ def test_a_campaign_of_such_a_lot_runs_and_is_certified(tmp_path: Path) -> None:
     store = str(tmp_path / "own.zarr")
     sets = ["n_switches=60", "sampling=monte-carlo", f"name='{tmp_path / 'lot.toml'}'"]
     words = [w for s in sets for w in ("--set", f"population.{s}")]
-    small = ["--set", "campaign.budget=6", "--set", "explore.budget=0", "--set", "finish.budget=0"]
+    small = [
+        "--set",
+        "campaign.budget=6",
+        "--set",
+        "prior.model=none",
+        "--set",
+        "explore.budget=0",
+        "--set",
+        "finish.budget=0",
+    ]
     small += ["--set", "waveform.max_volts=90", "--set", "store.n_times=2", "--set", "optimiser.engine=sobol"]
     runner = CliRunner()
     for command in (

@@ -129,6 +129,8 @@ def test_every_origin_that_is_written_is_listed():
         )
         written |= {o.origin for o in run(problem)[0]}
     written |= {o.origin for o in run(problem_of(budget=10), failing=set(range(10)))[0]}
+    few = {"model": "single-mode", "n_switches": 8, "n_exploring": 8, "budget": 24, "polish": 0, "looks": 12}
+    written |= {o.origin for o in run(problem_of(budget=4, prior=few, n_regions=2))[0]}
     extended = problem_of("sobol", 8, explore={"budget": 48}, campaign={"extensions": [6, [3, 7]]})
     again = run(extended)[0][-2:]
     assert [o.waveform for o in again] == [run(extended)[0][i].waveform for i in (3, 7)]

@@ -16,6 +16,7 @@ from softclose_workflows.cli import main
 
 SMALL = (
     "campaign.budget=8",
+    "prior.model=none",
     "population.n_switches=60",
     "compute.block_switches=25",
     "store.n_times=51",

@@ -29,7 +29,7 @@ from softclose_workflows.run.measurements import commit_told
 
 LOT = load_population("current").sample(100, seed=99)
 DEVICES, FRESH = LOT[:20], LOT[20:]
-SETTINGS = ("optimiser.n_initial=4", "optimiser.n_candidates=64")
+SETTINGS = ("prior.model=none", "optimiser.n_initial=4", "optimiser.n_candidates=64")
 
 
 def untimed(response: Responses) -> Responses:
@@ -338,7 +338,7 @@ def test_what_another_has_committed_is_never_replaced(tmp_path: Path, released: 
         ("current", {"devices": 30}, "population.n_switches: the store has 20, this configuration 30"),
         ("current", {"budget": 9}, "campaign.budget: the store has 2, this configuration 9"),
         ("current", {"settings": (*SETTINGS, "waveform.max_volts=30")}, "waveform.max_volts"),
-        ("current", {"settings": ()}, "optimiser.n_initial"),
+        ("current", {"settings": ("prior.model=none",)}, "optimiser.n_initial"),
         (None, {"settings": ("waveform.max_volts=30",)}, "waveform.max_volts"),
         (None, {"devices": 21}, "population.n_switches"),
         (None, {"budget": 3}, "campaign.budget"),

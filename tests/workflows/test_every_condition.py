@@ -28,6 +28,7 @@ from softclose_workflows.run.creation import create_store
 
 TINY = {
     "campaign": {"budget": 3},
+    "prior": {"model": "none"},
     "population": {"name": "current", "n_switches": 12},
     "optimiser": {"engine": "sobol"},
     "waveform": {

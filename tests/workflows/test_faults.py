@@ -97,7 +97,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
 def test_a_block_that_kills_every_worker_stops_the_run_and_records_nothing(tmp_path: Path) -> None:
     """Each worker dies at its first marker: a fault of the machine, for all that the run can tell."""
     store = tmp_path / "a.zarr"
-    settings = ("campaign.budget=2", "population.n_switches=20", "optimiser.n_initial=2")
+    settings = ("campaign.budget=2", "prior.model=none", "population.n_switches=20", "optimiser.n_initial=2")
     done = softclose_process(
         *run_arguments(store, *settings), "--workers", "1", env={"SOFTCLOSE_FAULT": "before-marker:1"}, timeout=280
     )

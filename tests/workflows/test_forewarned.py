@@ -16,6 +16,7 @@ from softclose_workflows.cli import main
 
 SETS = (
     "campaign.budget=2",
+    "prior.model=none",
     "population.n_switches=40",
     "store.n_times=11",
     "optimiser.engine=sobol",

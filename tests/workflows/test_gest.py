@@ -16,6 +16,7 @@ from softclose_workflows.api.gest import OBJECTIVE, SoftcloseGenerator
 
 SEARCH = (
     "campaign.budget=9",
+    "prior.model=none",
     "population.n_switches=40",
     "store.n_times=11",
     "optimiser.n_initial=4",

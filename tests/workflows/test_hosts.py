@@ -22,6 +22,7 @@ pytestmark = pytest.mark.slow
 
 SETTINGS = (
     "campaign.budget=240",
+    "prior.model=none",
     "campaign.wave=8",
     "population.n_switches=3000",
     "compute.block_switches=3000",

@@ -85,6 +85,7 @@ def test_of_two_drivers_at_once_exactly_one_runs(s3: str, reference_store: Path,
 def small() -> tuple[str, ...]:
     return (
         "campaign.budget=60",
+        "prior.model=none",
         "campaign.wave=20",
         "population.n_switches=60",
         "store.n_times=11",

@@ -14,6 +14,7 @@ from softclose_workflows.cli import main
 
 SETTINGS = {
     "campaign.budget": 6,
+    "prior.model": "none",
     "population.n_switches": 40,
     "optimiser.n_initial": 4,
     "store.n_times": 11,

@@ -303,7 +303,13 @@ def test_a_failed_candidate_is_listed_with_its_reason_and_breaks_nothing(data: R
 
 
 def test_quasi_random_ensembles_show_no_interval(tmp_path: Path) -> None:
-    settings = ("campaign.budget=3", "optimiser.n_initial=3", "population.n_switches=64", "population.sampling=sobol")
+    settings = (
+        "campaign.budget=3",
+        "prior.model=none",
+        "optimiser.n_initial=3",
+        "population.n_switches=64",
+        "population.sampling=sobol",
+    )
     data = gather(str(make_campaign(tmp_path / "sobol.zarr", *FINISHED, *settings)))
     assert not data.has_intervals
     page = render_report(data)
@@ -371,7 +377,13 @@ def test_exceedance_is_drawn_for_every_judged_design_on_an_axis_without_zero(dat
 
 
 def test_what_an_amplifier_delivers_is_drawn_beside_what_is_commanded(tmp_path: Path) -> None:
-    settings = ("campaign.budget=3", "optimiser.n_initial=3", "population.n_switches=64", "amplifier.bandwidth_kHz=60")
+    settings = (
+        "campaign.budget=3",
+        "prior.model=none",
+        "optimiser.n_initial=3",
+        "population.n_switches=64",
+        "amplifier.bandwidth_kHz=60",
+    )
     data = gather(str(make_campaign(tmp_path / "amplifier.zarr", *FINISHED, *settings)))
     assert data.best_design is not None
     chart = charts.amplifier(data.best_design, data.config)

@@ -21,6 +21,7 @@ from softclose_workflows.studies.series import Effort
 
 TINY = (
     "campaign.budget=3",
+    "prior.model=none",
     "population.n_switches=40",
     "explore.budget=0",
     "finish.budget=0",

@@ -17,6 +17,7 @@ from stores import differences
 
 SETTINGS = (
     "campaign.budget=480",
+    "prior.model=none",
     "campaign.wave=4",
     "population.n_switches=4000",
     "compute.block_switches=2000",

@@ -28,6 +28,7 @@ from softclose_workflows.studies.study_file import load_study
 
 SETTINGS = (
     "campaign.budget=6",
+    "prior.model=none",
     "explore.budget=0",
     "finish.budget=0",
     "optimiser.engine=sobol",
@@ -251,6 +252,7 @@ def test_lowering_the_error_of_measurement_lands_softer(tmp_path):
             tmp_path / f"{error}.zarr",
             *settings,
             "campaign.budget=40",
+            "prior.model=none",
         )
         g.append(open_campaign(path).best().g_cm_s)
     assert g[0] < g[1]

@@ -18,6 +18,7 @@ from softclose_workflows.cli import main
 
 SETTINGS = (
     "campaign.budget=3",
+    "prior.model=none",
     "population.n_switches=40",
     "store.n_times=11",
     "optimiser.engine=their-engine",

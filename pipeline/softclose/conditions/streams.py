@@ -28,6 +28,8 @@ class Ensemble(enum.IntEnum):
     """Brute force of rare failures."""
     DEVICES = 7_400_000
     """Lots that a few measured devices may have come from."""
+    PRIOR = 7_650_000
+    """A search's prior, for its few switches."""
 
 
 @enum.unique

@@ -246,7 +246,7 @@ def assess(
     if sampling not in SAMPLINGS:
         raise ObjectiveError(f"sampling is {sampling!r}; it must be one of {', '.join(SAMPLINGS)}")
     response = those_read(response)
-    speed, closed, n_failed = _arrays(response, closed_by_us)
+    speed, closed, n_failed = arrays_of(response, closed_by_us)
     closing_us, closing_interval = _closing(response, level, confidence)
     n = speed.size
     contact = ~np.isnan(speed)
@@ -480,20 +480,20 @@ def _shortfall(v: FloatArray, v_u: float, v_u_lower: float, level: float, confid
     the mean alone: v_u minimises it."""
     if math.isnan(v_u):
         return _Shortfall(estimate=math.nan, interval=intervals.NO_INTERVAL, se=0.0, influence=np.zeros(v.size))
-    z = _tail_terms(v, v_u, level)
+    z = tail_terms(v, v_u, level)
     estimate = float(z.mean())
     se = float(z.std(ddof=1)) / math.sqrt(z.size) if z.size > 1 else 0.0
     lower, upper = intervals.mean_interval(z, confidence) if z.size > 1 else (-math.inf, math.inf)
     if math.isfinite(v_u_lower):
         # The estimate is the least of many means, too low where V has a gap or an atom at the level: the lower end is
         # that at the lower order statistic too.
-        lower = min(lower, intervals.mean_interval(_tail_terms(v, v_u_lower, level), confidence)[0])
+        lower = min(lower, intervals.mean_interval(tail_terms(v, v_u_lower, level), confidence)[0])
     if int((v > v_u).sum()) < LEAST_BEYOND:
         upper = math.inf
     return _Shortfall(estimate=estimate, interval=(max(lower, 0.0), upper), se=se, influence=z - estimate)
 
 
-def _tail_terms(v: FloatArray, threshold: float, level: float) -> FloatArray:
+def tail_terms(v: FloatArray, threshold: float, level: float) -> FloatArray:
     """(n,) terms whose mean is the CVaR where the threshold is v_u, and no less than it at any other."""
     return np.asarray(threshold + np.maximum(v - threshold, 0.0) / (1.0 - level))
 
@@ -560,7 +560,9 @@ def in_time(response: Response, closed_by_us: float) -> NDArray[np.bool_]:
     return closed & (np.asarray(settling, dtype=np.float64) <= closed_by_us)
 
 
-def _arrays(response: Response, closed_by_us: float) -> tuple[FloatArray, NDArray[np.bool_], int]:
+def arrays_of(response: Response, closed_by_us: float) -> tuple[FloatArray, NDArray[np.bool_], int]:
+    """(n,) speeds [µm/µs], NaN without contact, (n,) which switches count as closed, and how many failed, which neither
+    touched nor closed. Raises ObjectiveError for a response that cannot be assessed."""
     if not (hasattr(response, "max_contact_speed") and hasattr(response, "closed")):
         raise ObjectiveError(f"{response!r} is no response; give what simulate returns: max_contact_speed and closed")
     speed = np.asarray(response.max_contact_speed, dtype=np.float64)

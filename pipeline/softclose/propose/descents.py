@@ -47,6 +47,18 @@ def strategy(start: FloatArray, widths: FloatArray, sigma: float, generation: in
         return cma.CMAEvolutionStrategy(np.clip(start, 0.01 * widths, 1.0 - 0.01 * widths), sigma, options)
 
 
+NARROWEST = 1e-3
+"""Least variance of a step along any axis of a shape, as a share of the mean: what few generations take for flat."""
+
+
+def unit_factor(covariance: FloatArray) -> FloatArray:
+    """(d, d) lower Cholesky factor of a covariance, widened where it is too narrow, scaled to determinant 1."""
+    dim = len(covariance)
+    scaled = covariance / math.exp(np.linalg.slogdet(covariance)[1] / dim)
+    factor = np.linalg.cholesky(scaled + NARROWEST * float(np.trace(scaled)) / dim * np.eye(dim))
+    return np.asarray(factor / math.exp(float(np.log(np.diag(factor)).mean())))
+
+
 class Descent:
     """One run of CMA-ES in the unit cube."""
 
@@ -69,8 +81,7 @@ class Descent:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 if self._strategy.stop():
-                    mean = np.clip(np.asarray(self._strategy.mean), 0.0, 1.0)
-                    self._strategy = self._begin(mean, AGAIN * self._sigma)
+                    self._strategy = self._begin(self.mean, AGAIN * self._sigma)
                 self._asked = np.array(self._strategy.ask(), dtype=np.float64)
         return self._asked
 
@@ -82,6 +93,17 @@ class Descent:
             self._strategy.tell(list(asked), np.minimum(g, WORST_CM_S).tolist())
         self.told.append(g)
         self._asked = None
+
+    @property
+    def mean(self) -> FloatArray:
+        """(d,) the middle of its steps."""
+        return np.clip(np.asarray(self._strategy.mean, dtype=np.float64), 0.0, 1.0)
+
+    @property
+    def shape(self) -> FloatArray:
+        """(d, d) lower factor of the covariance of its steps, scaled to determinant 1: which way its basin runs."""
+        scale = np.broadcast_to(self._strategy.sigma_vec.scaling, (self._space.dim,))
+        return unit_factor(np.asarray(self._strategy.sm.covariance_matrix) * np.outer(scale, scale))
 
     def go_on(self, least_sigma: float) -> None:
         """Begin a new chapter, with the shape that it has learnt: on another ensemble, and at least so wide."""

@@ -6,11 +6,14 @@ on. One that ended with descents gets another (`extend`). What came before is no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from softclose.propose.promises import Basins, PriorValues
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig
 from softclose.settings.campaign import extension_size
+from softclose.waveform import Waveform
 
 EXTEND, RETRY = "extend", "retry"
 """Stages `extend1`, `extend2`, …, and the engine of those that follow descents; that of candidates computed again."""
@@ -60,9 +63,26 @@ def extensions(config: CampaignConfig) -> dict[str, Extension]:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class _Shared:
+    """The prior of a problem with another budget: it has the same."""
+
+    problem: Problem
+
+    def basins(self) -> Basins:
+        """Those of the problem."""
+        found = self.problem.basins
+        assert found is not None
+        return found
+
+    def values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
+        """Those of the problem."""
+        return self.problem.prior_values(waveforms, n_switches)
+
+
 def problem_of(problem: Problem, extension: Extension) -> Problem:
     """The problem as the engine of an extension sees it: a search that goes on has the larger budget."""
     if not extension.is_search:
         return problem
     campaign = replace(problem.config.campaign, budget=extension.begin + extension.size, extensions=())
-    return Problem(replace(problem.config, campaign=campaign))
+    return Problem(replace(problem.config, campaign=campaign), help=_Shared(problem))

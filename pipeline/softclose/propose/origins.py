@@ -8,6 +8,7 @@ from typing import Literal
 INITIAL = "initial"
 SOBOL = "sobol"
 LOCAL, RESTART = "trust-region", "restart"
+BASIN = "prior-basin"
 CMAES = "cmaes"
 DIRECT = "direct"
 BOTORCH = "botorch"
@@ -44,6 +45,7 @@ ORIGINS: dict[str, Origin] = {
     for origin in (
         Origin(name=INITIAL, stage="search", group="start", label="the user's own waveform", designed=True),
         Origin(name=SOBOL, stage="search", group="start", label="space-filling design", designed=True),
+        Origin(name=BASIN, stage="search", group="start", label="basin of the prior", designed=True),
         Origin(name=LOCAL, stage="search", group="around the best", label="Gaussian process, trust region"),
         Origin(name=RESTART, stage="search", group="start", label="design of a fresh start", designed=True),
         Origin(name=CMAES, stage="search", group="descents", label="CMA-ES"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
@@ -22,6 +22,7 @@ from softclose.device.told import mean_switch
 from softclose.evaluate.chain import chain_of
 from softclose.plugins import ENGINES, load_object
 from softclose.plugins import EngineError as EngineError
+from softclose.propose.promises import Basins, PriorHelp, PriorValues
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose.waveform.spaces import Scales, Space, build_space
@@ -63,6 +64,8 @@ class Observation:
     """What engines minimise: `softclose.metrics.ranking`; NaN where failed."""
     closing_us: float = math.nan
     """Closing time of the lot [µs]; inf where too many stay open, NaN where it is not known."""
+    beliefs: Mapping[str, float] = field(default_factory=dict)
+    """What its proposal said of the surrogate: `Proposal.surrogate`."""
 
     @property
     def usable(self) -> bool:
@@ -109,11 +112,17 @@ class Wave:
         return self.start + self.size
 
 
+_IN_PROCESS = "softclose.propose.prior_basins:InProcess"
+"""Who answers for a prior where nobody helps: by name, since descents on a prior are problems themselves."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """Everything an engine may know; all of it follows from the configuration."""
 
     config: CampaignConfig
+    help: PriorHelp | None = field(default=None, compare=False, repr=False)
+    """Who knows of the prior what follows from the configuration too; None: it is worked out here."""
 
     @cached_property
     def population(self) -> Population:
@@ -154,6 +163,40 @@ class Problem:
     def descents(self) -> dict[Hashable, Any]:
         """The latest state of every descent: a cache, see `descents.continued`."""
         return {}
+
+    @cached_property
+    def basins(self) -> Basins | None:
+        """The basins of the prior; None without a prior."""
+        if not self.config.has_prior:
+            return None
+        return self._asked.basins()
+
+    @cached_property
+    def _asked(self) -> PriorHelp:
+        help_: PriorHelp = load_object(_IN_PROCESS)(self.config) if self.help is None else self.help
+        return help_
+
+    def prior_values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
+        """The prior's g of each waveform.
+
+        Parameters
+        ----------
+        waveforms : sequence of Waveform
+            Within the campaign's voltage limit.
+        n_switches : int, optional
+            How many of the prior's switches, by default all.
+
+        Returns
+        -------
+        PriorValues
+            NaN where the prior's model has no answer.
+
+        Raises
+        ------
+        PriorError
+            Where the machine is at fault.
+        """
+        return self._asked.values(waveforms, n_switches)
 
     @property
     def n_initial_waveforms(self) -> int:

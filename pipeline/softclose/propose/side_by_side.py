@@ -61,6 +61,7 @@ def evaluate(problem: Problem, switches: Lot, wave: Wave, index: int, proposal: 
         rank_cm_s=a.rank_cm_s,
         failed=False,
         closing_us=a.closing_us,
+        beliefs=proposal.surrogate,
     )
 
 

@@ -47,19 +47,28 @@ class SkoptEngine:
     def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
         """All of the initial design, in which the user's own waveforms take the first places, then batches."""
         settings = problem.config.optimiser
-        first = min(settings.n_initial, budget)
+        if problem.config.has_prior:
+            first = min(problem.n_initial_waveforms + settings.n_regions, budget)
+        else:
+            first = min(settings.n_initial, budget)
         return [first, *(min(settings.batch, budget - begin) for begin in range(first, budget, settings.batch))]
 
     def propose_wave(
         self, problem: Problem, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
     ) -> list[Proposal]:
         """Initial design first, then expected improvement in the trust region."""
-        from softclose.propose.surrogate import collect  # imported where it is used: skopt is slow to import
+        basins = problem.basins
+        if basins is not None and basins.waveforms:
+            from softclose.propose.led import propose_led  # imported where it is used: skopt is slow to import
+
+            return propose_led(problem, basins, wave, history, pending)
+        gone = f"no prior: {basins.failure}"[:200] if basins is not None and wave.index == 0 else ""
+        from softclose.propose.surrogate import collect
 
         settings, space = problem.config.optimiser, problem.space
 
         def proposals(
-            points: FloatArray, origin: str, beliefs: Sequence[Beliefs] = (), note: str = ""
+            points: FloatArray, origin: str, beliefs: Sequence[Beliefs] = (), note: str = gone
         ) -> list[Proposal]:
             surrogate = [*beliefs, *({} for _ in range(wave.size - len(beliefs)))]
             return [

@@ -31,6 +31,7 @@ from softclose.settings.model import ModelSection
 from softclose.settings.objective import ObjectiveSection, ReferenceSection
 from softclose.settings.opening import OpeningSection
 from softclose.settings.overrides import apply, texts
+from softclose.settings.prior import PriorSection
 from softclose.settings.scaled import PUBLISHED, STEP, scaled
 from softclose.settings.search import ExploreSection, FinishSection, OptimiserSection
 from softclose.settings.storage import AUTO_BLOCK_SWITCHES, AUTO_BLOCKS, MAX_BLOCKS, ComputeSection, StoreSection
@@ -40,6 +41,9 @@ from softclose.waveform import Waveform
 
 WRITTEN_OUT = ("population_model", "reduced_order_model")
 """What no user writes: files, as they were read."""
+
+LED_BY_PRIOR = "skopt"
+"""The engine that starts from a prior."""
 
 AREA_RANGE_UM2 = (1.0, 1e9)
 """Plates from a micrometre to three centimetres wide [µm²]."""
@@ -60,6 +64,7 @@ class CampaignConfig:
     opening: OpeningSection = Field(default_factory=OpeningSection)
     reference: ReferenceSection = Field(default_factory=ReferenceSection)
     optimiser: OptimiserSection = Field(default_factory=OptimiserSection)
+    prior: PriorSection = Field(default_factory=PriorSection)
     explore: ExploreSection = Field(default_factory=ExploreSection)
     finish: FinishSection = Field(default_factory=FinishSection)
     compute: ComputeSection = Field(default_factory=ComputeSection)
@@ -116,6 +121,7 @@ class CampaignConfig:
                 f"explore.n_descents {x.n_descents} in {x.turns} turns make a wave of {largest} candidates; at most "
                 f"{MOST_IN_A_WAVE} are allowed: use fewer descents or scouts, or more turns"
             )
+        self._check_prior()
         objectives = self.optimiser.objectives
         if not 2 <= len(objectives) == len({*objectives}):
             raise ValueError(
@@ -152,6 +158,27 @@ class CampaignConfig:
             )
         if m.name == REDUCED_ORDER and m.quality_factor:
             raise ValueError("model.quality_factor belongs to single-mode: give each [[mode]] its quality_factor")
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether a search by the Gaussian process starts from a prior."""
+        return self.prior.is_there and self.optimiser.engine == LED_BY_PRIOR and self.campaign.budget > 0
+
+    def _check_prior(self) -> None:
+        if not self.has_prior:
+            return
+        if self.prior.model == MEASURED:
+            raise ValueError("prior.model is measured: devices are no cheap model; use single-mode, or none")
+        if self.prior.model == REDUCED_ORDER and not self.reduced_order_model:
+            raise ValueError(
+                "prior.model is reduced-order, and the campaign's own model has no modes (model.modes): use single-mode"
+            )
+        left = self.campaign.budget - len(self.waveform.initial)
+        if self.optimiser.n_regions > left:
+            raise ValueError(
+                f"optimiser.n_regions is {self.optimiser.n_regions}, and campaign.budget leaves {left} candidates for "
+                "them: raise campaign.budget, use fewer regions, or set prior.model to none"
+            )
 
     def _check_opening(self) -> None:
         release = self.opening.release_us
@@ -232,6 +259,8 @@ class CampaignConfig:
         """
         ENGINES.check(self.optimiser.engine)
         MODELS.check(self.model.name)
+        if self.has_prior:
+            MODELS.check(self.prior.model)
 
     def revised(self, overrides: Iterable[str]) -> CampaignConfig:
         """The same campaign with other values; what was written out stays.
@@ -359,6 +388,7 @@ _SECTIONS = (
     OpeningSection,
     ReferenceSection,
     OptimiserSection,
+    PriorSection,
     ExploreSection,
     FinishSection,
     ComputeSection,

@@ -33,6 +33,10 @@ class OptimiserSection:
     """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
     batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4
     """Candidates that the surrogate proposes together, a wave."""
+    n_regions: Annotated[int, Field(ge=1, le=64, strict=True)] = 6
+    """With a prior: trust regions of the process, one a basin of the prior; each has a candidate in the first wave."""
+    rounds: Annotated[int, Field(ge=1, le=16, strict=True)] = 3
+    """With a prior: rounds of equal budgets; after each the better half of the trust regions goes on."""
     n_restart: Annotated[int, Field(ge=2, le=MAX_COUNT, strict=True)] = 8
     """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
     fresh_every: Count = 1

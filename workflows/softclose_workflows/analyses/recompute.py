@@ -26,6 +26,7 @@ from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
 from softclose_workflows.run.creation import population_columns
 from softclose_workflows.run.opening import candidate_of, designed_opening
+from softclose_workflows.run.prior import GROUP, PriorOfStore, basins_again
 from softclose_workflows.run.tasks import compute_block, rows_of, times_us
 
 
@@ -53,7 +54,7 @@ def replay(path: str, k: int, seed: int = 0) -> Replay:
     """
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
-    problem = Problem(config)
+    problem = Problem(config, help=PriorOfStore(path, config))
     waves = plan(problem)[: campaign.n_waves]
     stored = campaign.records()
     rng = np.random.default_rng(seed)
@@ -149,7 +150,8 @@ def _waves(config: Mapping[str, Any]) -> list[int]:
 
 def _proposals(store: DriverStore, start: int, size: int) -> Sequence[Mapping[str, Any]]:
     """The wave that begins at `start`."""
-    problem = Problem(CampaignConfig.from_dict(store.config))
+    config = CampaignConfig.from_dict(store.config)
+    problem = Problem(config, help=PriorOfStore(store.path, config))
     wave = next(w for w in plan(problem) if w.start == start)
     history = records.observations({name: values[:start] for name, values in store.records().items()})
     return [records.proposal_record(p) for p in Proposer(problem).from_history(wave, history)]
@@ -183,8 +185,10 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
 
 
 def _group(path: str, name: str) -> str:
-    """A certification again, whose own metadata say what it was asked for; or the opening of a candidate."""
+    """A certification again, whose own metadata say what it was asked for; the opening of a candidate; the basins."""
     try:
+        if name == GROUP:
+            return basins_again(path)
         candidate = candidate_of(name)
         if candidate is None:
             certify_again(path, name)

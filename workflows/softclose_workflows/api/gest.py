@@ -218,6 +218,7 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             g_cm_s=g,
             rank_cm_s=rank_cm_s(g, p_nc, self._problem.config.objective.max_open),
             failed=not math.isfinite(g),
+            beliefs=proposal.surrogate,
             **{name: numbers[name] for name in MORE},
         )
 

@@ -13,9 +13,10 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from softclose.plugins import EngineError
+from softclose.plugins import MEASURED, EngineError
 from softclose.propose.origins import FALLBACK
 from softclose.propose.plan import plan
+from softclose.propose.promises import PriorError, PriorHelp
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, seen_by
 from softclose.settings import CampaignConfig
@@ -24,8 +25,10 @@ from softclose_store import DriverStore
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import records
 from softclose_workflows.run.executors import Executor
+from softclose_workflows.run.executors.protocol import Event
 from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
 from softclose_workflows.run.flight import Flight, Place, plan_tasks, recovered
+from softclose_workflows.run.prior import PriorAtWork, PriorOfStore
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import BlockResult, BlockTask
 
@@ -100,10 +103,18 @@ class Driver:
 
     def __post_init__(self) -> None:
         self.config = CampaignConfig.from_dict(self.store.config)
-        problem = Problem(self.config)
+        problem = Problem(self.config, help=self._prior())
         self.waves = plan(problem)
         self._proposer = Proposer(problem)
         self._observe(records.observations(self.store.records()))
+
+    def _prior(self) -> PriorHelp:
+        """Who evaluates the prior: the executor, or this process where devices stand in its place."""
+        if self.config.model.name == MEASURED:
+            return PriorOfStore(self.store.path, self.config, keeps=True)
+        return PriorAtWork(
+            self.store.path, self.config, self.store.fingerprint, self.executor, self.stop, self._receive
+        )
 
     def run(self) -> None:
         """Return when every wave is committed; raise Stopped where the run ends earlier."""
@@ -151,6 +162,8 @@ class Driver:
             proposals = self._proposer.propose(wave, seen, pending)
         except EngineError:
             raise
+        except PriorError as e:
+            raise e.__cause__ if isinstance(e.__cause__, Stopped) else Stopped(str(e)) from e
         except Exception as e:
             raise Stopped(f"wave {wave.index} could not be proposed ({type(e).__name__}: {e})") from e
         if all(p.origin == FALLBACK for p in proposals):
@@ -197,12 +210,15 @@ class Driver:
         self.spent.wait += time.perf_counter() - began
         while event is not None:
             began = time.perf_counter()
-            self._receive(*event)
+            self._receive(event)
             self.spent.dispatch += time.perf_counter() - began
             event = self.executor.next_event(0.0) if self.executor.has_finished else None
         self._report()
 
-    def _receive(self, task: BlockTask, outcome: BlockResult | BaseException) -> None:
+    def _receive(self, event: Event) -> None:
+        task, outcome = event
+        if not isinstance(task, BlockTask):
+            return  # asked for by a wave that was given up
         flight = next((f for f in self._flights.values() if f.tasks.get(task.place) is task), None)
         if flight is None:
             return
@@ -216,6 +232,7 @@ class Driver:
                 self.spent.simulate += outcome.simulate_s
                 self.spent.store += outcome.store_s
                 return
+        assert isinstance(outcome, BaseException)
         self._again(task, outcome)
 
     def _again(self, task: BlockTask, failure: BaseException) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softclose.metrics.objective import Assessment
 from softclose.propose.protocol import Observation, Proposal
 from softclose.waveform import Waveform
+from softclose_store.schema.fields import SURROGATE_PREFIX
 
 
 def padded_rows(waveforms: Sequence[Waveform]) -> NDArray[np.float64]:
@@ -92,6 +93,7 @@ def observation(index: int, wave: int, record: Mapping[str, Any]) -> Observation
         origin=str(record["origin"]),
         n_switches=int(record["n_switches"]),
         failed=bool(record["failed"]),
+        beliefs={name: float(v) for name, v in record.get("surrogate", {}).items() if not math.isnan(v)},
         **{name: float(record.get(name, math.nan)) for name in OBSERVED},
     )
 
@@ -103,8 +105,16 @@ def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:
     """The whole history from the store's committed records."""
     names = ("wave", "waveform", "origin", "n_switches", "failed", *OBSERVED)
     columns = {name: records[name] for name in names}
+    said = {
+        name.removeprefix(SURROGATE_PREFIX): column
+        for name, column in records.items()
+        if name.startswith(SURROGATE_PREFIX)
+    }
     return [
         observation(i, int(row["wave"]), row)
         for i in range(len(columns["failed"]))
-        for row in [{name: column[i] for name, column in columns.items()}]
+        for row in [
+            {name: column[i] for name, column in columns.items()}
+            | {"surrogate": {name: column[i] for name, column in said.items()}}
+        ]
     ]

@@ -1,0 +1,394 @@
+"""Claims about the prior: what it is made of, what it says, the basins found on it, and how it may fail."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, seed, settings
+from hypothesis import strategies as st
+
+from softclose.device.protocol import CannotSimulate
+from softclose.evaluate import draw, respond
+from softclose.evaluate.judging import judge, objective_settings
+from softclose.metrics.objective import Judged, assess
+from softclose.metrics.value import objective_value
+from softclose.propose import prior as prior_module
+from softclose.propose.correction import Scale, trend
+from softclose.propose.led import COUNTS_AS, TOO_SURE, too_sure
+from softclose.propose.plan import plan
+from softclose.propose.prior import Prior, prior_config
+from softclose.propose.prior_basins import find_basins
+from softclose.propose.promises import PriorError, PriorValues
+from softclose.propose.proposer import Proposer
+from softclose.propose.protocol import Observation, Problem
+from softclose.propose.regions import shares
+from softclose.settings import ConfigError, load_config
+
+SMALL = {
+    "campaign": {"seed": 5, "budget": 30},
+    "population": {"n_switches": 50},
+    "waveform": {"space": "two-pulse-full"},
+    "optimiser": {"n_regions": 3, "batch": 3, "rounds": 2},
+    "explore": {"generation": 6, "n_scouts": 6},
+    "prior": {
+        "n_switches": 32,
+        "n_exploring": 16,
+        "budget": 120,
+        "n_descents": 2,
+        "polish": 20,
+        "looks": 24,
+    },
+    "finish": {"n_switches": 100},
+}
+
+
+def config_of(**changed):
+    return load_config({name: {**SMALL.get(name, {}), **changed.get(name, {})} for name in {*SMALL, *changed}})
+
+
+TEMPERATURES = {
+    "low_C": -40.0,
+    "high_C": 85.0,
+    "worst_of": 2,
+    "celsius": [-40.0, 85.0],
+    "stiffness": [1.08, 0.91],
+}
+
+
+class Bowl:
+    """In place of the prior's model: a bowl around `middle` in the cube, 20 cm/s deep; counts what it was asked."""
+
+    def __init__(self, config, middle=0.4, failing=False):
+        self.space, self.middle, self.failing, self.asked = Problem(config).space, middle, failing, 0
+
+    def values(self, waveforms, n_switches=None):
+        self.asked += len(waveforms)
+        if self.failing:
+            return PriorValues(g_cm_s=np.full(len(waveforms), np.nan), failure="CannotSimulate: no licence")
+        points = np.clip(self.space.coordinates_of_all(waveforms)[0], 0.0, 1.0)
+        return PriorValues(g_cm_s=15.0 + 60.0 * ((points - self.middle) ** 2).mean(axis=1))
+
+
+class Helped:
+    """A prior whose basins were found on a bowl."""
+
+    def __init__(self, config, **bowl):
+        self.bowl = Bowl(config, **bowl)
+        self.found = find_basins(config, self.bowl.values)
+
+    def basins(self):
+        return self.found
+
+    def values(self, waveforms, n_switches=None):
+        return self.bowl.values(waveforms, n_switches)
+
+
+def campaign(config, help_, middle=0.45, failing=()):
+    """A campaign against a bowl that is elsewhere than the prior's: its history and its proposals."""
+    problem = Problem(config, help=help_)
+    truth, proposer, history, proposals = Bowl(config, middle), Proposer(problem), [], []
+    for wave in plan(problem):
+        for i, p in enumerate(proposer.from_history(wave, history), start=wave.start):
+            proposals.append(p)
+            g = math.nan if i in failing else 2.0 + float(truth.values([p.waveform]).g_cm_s[0])
+            history.append(
+                Observation(
+                    index=i,
+                    wave=wave.index,
+                    waveform=p.waveform,
+                    origin=p.origin,
+                    n_switches=p.n_switches,
+                    g_cm_s=g,
+                    rank_cm_s=g,
+                    g_se_cm_s=0.1,
+                    v_u_cm_s=g,
+                    mean_cm_s=g,
+                    p_nc=0.0,
+                    p_contact=1.0,
+                    failed=math.isnan(g),
+                    beliefs=p.surrogate,
+                )
+            )
+    return problem, history, proposals
+
+
+# What g alone is.
+
+
+@seed(7)
+@settings(max_examples=60, deadline=None)
+@given(
+    n=st.integers(1, 80),
+    touching=st.floats(0.0, 1.0),
+    failed=st.floats(0.0, 0.1),
+    form=st.sampled_from(["penalty", "chance"]),
+    risk=st.sampled_from(["quantile", "cvar"]),
+    assured=st.booleans(),
+    key=st.integers(0, 10_000),
+)
+def test_g_alone_is_that_of_the_assessment_bit_for_bit(n, touching, failed, form, risk, assured, key):
+    rng = np.random.default_rng(key)
+    contact, closed = rng.random(n) < touching, rng.random(n) < 0.8
+    status = (rng.random(n) < failed).astype(np.int8)
+    response = Judged(
+        max_contact_speed=np.where(contact, 0.2 * rng.random(n), np.nan),
+        closed=closed & contact,
+        status=status,
+        settling_us=np.where(closed & contact, 200.0 * rng.random(n), np.inf),
+    )
+    said = {
+        "c1_cm_s": 25.0, "level": 0.9, "form": form, "risk": risk, "p_max": 0.05 if form == "chance" else None,
+        "assured": assured, "closed_by_us": 150.0, "chance_penalty_cm_s": 500.0, "min_contact": 0.1,
+        "undefined_v_u_cm_s": 60.0, "confidence": 0.95,
+    }  # fmt: skip
+    expected, (g, p_nc) = assess(response, **said), objective_value(response, **said)
+    assert g == expected.g_cm_s or (math.isnan(g) and math.isnan(expected.g_cm_s))
+    assert p_nc == expected.p_nc
+
+
+# What the prior is.
+
+
+def test_the_prior_of_a_plain_campaign_is_its_own_model_on_few_switches():
+    config = config_of()
+    prior = Prior.of(config)
+    waveforms = Problem(config).space.waveforms(np.random.default_rng(3).random((4, 6)))
+    found = prior.values(waveforms)
+    assert len(prior.lot) == 32
+    for n, values in ((32, found), (16, prior.values(waveforms, 16))):
+        for waveform, g in zip(waveforms, values.g_cm_s, strict=True):
+            response = respond(prior.config, prior.lot.rows(slice(n)), waveform)
+            found = judge(prior.config, response)
+            assert g == found.g_cm_s if found.p_nc <= 0.1 else g >= 120.0
+
+
+@pytest.mark.parametrize(
+    ("section", "value", "included"),
+    [
+        ("amplifier", {"bandwidth_kHz": 50.0}, "amplifier"),
+        ("temperature", TEMPERATURES, "temperature"),
+        ("trim", {"measured": "pull-in"}, "trim"),
+    ],
+)
+def test_a_condition_is_the_prior_s_where_it_is_included(section, value, included):
+    there = prior_config(config_of(**{section: value}))
+    gone = prior_config(config_of(**{section: value}, prior={"includes": ["losses"]}))
+    plain = prior_config(config_of())
+    assert getattr(there, section) != getattr(plain, section)
+    assert getattr(gone, section) == getattr(plain, section)
+
+
+def test_losses_are_the_prior_s_where_they_are_included():
+    lossy = {"quality_factor": 20.0, "film_viscosity_uPa_s": 0.2, "adhesion_uN": 20.0}
+    assert prior_config(config_of(model=lossy)).model.build_losses() == config_of(model=lossy).model.build_losses()
+    assert prior_config(config_of(model=lossy, prior={"includes": []})).model.build_losses().none
+
+
+def test_a_prior_sees_other_switches_than_the_campaign():
+    config = config_of(population={"n_switches": 32, "sampling": "sobol"})
+    training = draw(config, 32, seed=config.campaign.seed, sampling="sobol")
+    assert not np.isin(Prior.of(config).lot["D"], training["D"]).any()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"prior": {"model": "measured"}}, "prior.model is measured"),
+        ({"prior": {"model": "reduced-order"}}, "the campaign's own model has no modes"),
+        ({"optimiser": {"n_regions": 31}}, "optimiser.n_regions is 31, and campaign.budget leaves 30"),
+        ({"prior": {"includes": ["mirror"]}}, "prior.includes"),
+    ],
+)
+def test_a_prior_that_cannot_be_is_refused_in_one_line(changed, said):
+    with pytest.raises(ConfigError, match=said) as error:
+        config_of(**changed)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_other_engines_have_no_prior():
+    assert not config_of(optimiser={"engine": "sobol", "n_regions": 3}).has_prior
+    assert Problem(config_of(prior={"model": "none"})).basins is None
+
+
+# Basins.
+
+
+def test_basins_are_where_the_prior_is_best_and_promise_what_it_said():
+    config = config_of(prior={"budget": 400})
+    bowl = Bowl(config)
+    found = find_basins(config, bowl.values)
+    assert found.n_tried == bowl.asked == 420
+    assert list(found.g_cm_s) == sorted(found.g_cm_s)
+    assert found.g_cm_s[0] < 15.2
+    np.testing.assert_array_equal(bowl.values(found.waveforms).g_cm_s, found.g_cm_s)
+    np.testing.assert_allclose(np.linalg.det(found.shapes), 1.0)
+    again = find_basins(config, Bowl(config).values)
+    assert again.waveforms == found.waveforms
+    assert again.shapes.tobytes() == found.shapes.tobytes()
+
+
+def test_a_model_s_own_word_is_no_value_and_a_fault_of_the_machine_is_no_word(monkeypatch):
+    prior = Prior.of(config_of())
+    waveforms = Problem(config_of()).space.waveforms(np.full((2, 6), 0.5))
+
+    def raising(error):
+        def fail(*_, **__):
+            raise error
+
+        monkeypatch.setattr(prior_module, "respond", fail)
+
+    raising(CannotSimulate("no convergence"))
+    found = prior.values(waveforms)
+    assert np.isnan(found.g_cm_s).all()
+    assert found.failure == "CannotSimulate: no convergence"
+    raising(RuntimeError("license server not reached"))
+    with pytest.raises(PriorError, match="license server not reached"):
+        prior.values(waveforms)
+
+
+def test_a_prior_that_fails_by_its_own_word_is_on_record_and_the_campaign_goes_on():
+    config = config_of(optimiser={"n_initial": 8})
+    failing = Helped(config, failing=True)
+    assert failing.found.failure == "CannotSimulate: no licence"
+    assert failing.bowl.asked < 100  # nobody goes on asking it
+    _, history, proposals = campaign(config, failing)
+    assert {p.origin for p in proposals} == {"sobol", "trust-region"}
+    assert all(o.usable for o in history)
+    assert proposals[0].note == "no prior: CannotSimulate: no licence"
+
+
+def test_a_fault_of_the_prior_s_machine_is_no_proposal():
+    config = config_of()
+    helped = Helped(config)
+    problem = Problem(config, help=helped)
+
+    def fail(*_):
+        raise PriorError("no worker is left")
+
+    helped.values = fail
+    first = plan(problem)[0]
+    proposer = Proposer(problem)
+    proposals = proposer.from_history(first, [])
+    records = [
+        Observation(
+            index=i, wave=0, waveform=p.waveform, origin=p.origin, n_switches=50, g_cm_s=20.0 + i, rank_cm_s=20.0 + i,
+            g_se_cm_s=0.1,
+            v_u_cm_s=20.0, mean_cm_s=10.0, p_nc=0.0, p_contact=1.0, failed=False, beliefs=p.surrogate,
+        )
+        for i, p in enumerate(proposals)
+    ]  # fmt: skip
+    with pytest.raises(PriorError, match="no worker is left"):
+        proposer.from_history(plan(problem)[1], records)
+
+
+# Proposals.
+
+
+def test_the_process_learns_what_the_prior_does_not_know():
+    """The campaign's bowl lies elsewhere, and 2 cm/s higher."""
+    config = config_of(campaign={"seed": 5, "budget": 45})
+    _, history, proposals = campaign(config, Helped(config))
+    first = min(o.g_cm_s for o in history[:3])
+    assert min(o.g_cm_s for o in history) < 17.0 + 0.3 * (first - 17.0)
+    assert [p.origin for p in proposals] == ["prior-basin"] * 3 + ["trust-region"] * 42
+
+
+def test_every_proposal_says_what_the_prior_promised_and_what_the_process_expects():
+    config = config_of()
+    helped = Helped(config)
+    _, history, proposals = campaign(config, helped)
+    for p in proposals:
+        assert p.surrogate["prior_g_cm_s"] == helped.values([p.waveform]).g_cm_s[0]
+    led = [(p.surrogate, o) for p, o in zip(proposals, history, strict=True) if p.origin == "trust-region"]
+    errors = np.array([abs(o.g_cm_s - s["predicted_g_cm_s"]) / s["predicted_sd_cm_s"] for s, o in led])
+    assert (errors < 3.0).mean() > 0.9
+    assert all(s["looks"] == 24.0 for s, _ in led)
+
+
+def test_proposals_are_a_function_of_the_records_alone():
+    config = config_of()
+    helped = Helped(config)
+    problem, history, proposals = campaign(config, helped)
+    for wave in plan(problem)[::3]:
+        fresh = Proposer(Problem(config, help=helped)).from_history(wave, history)
+        assert [p.waveform for p in fresh] == [p.waveform for p in proposals[wave.start : wave.stop]]
+        assert [p.surrogate for p in fresh] == [p.surrogate for p in proposals[wave.start : wave.stop]]
+
+
+def test_failed_candidates_and_waveforms_of_the_user_s_own_do_not_stop_the_process():
+    own = [[[0.0, 4.0, 4.0, 150.0], [16.0, 4.0, math.inf, 90.0]]]
+    config = config_of(waveform={"space": "two-pulse-full", "initial": own})
+    _, history, proposals = campaign(config, Helped(config), failing={2, 5, 6})
+    assert [p.origin for p in proposals][:5] == ["initial", *["prior-basin"] * 3, "trust-region"]
+    assert "fallback" not in {p.origin for p in proposals}
+    assert sum(o.usable for o in history) == 27
+
+
+def test_rounds_share_the_budget_and_drop_the_worse_half():
+    config = config_of(campaign={"seed": 5, "budget": 64}, optimiser={"n_regions": 4, "rounds": 3})
+    problem = Problem(config)
+    records = [(0, 20.0, 0), (1, 18.0, 1), (2, 19.0, 2), (3, 25.0, 3)]
+
+    def dealt(start, size, more=()):
+        numbers, g, indices = zip(*records, *more, strict=True)
+        return dict(shares(problem, start=start, size=size, numbers=numbers, g=np.array(g), indices=indices))
+
+    assert dealt(4, 4) == {0: 1, 1: 1, 2: 1, 3: 1}
+    assert dealt(4, 2) == {1: 1, 2: 1}
+    assert dealt(24, 4) == {1: 2, 2: 2}
+    assert dealt(44, 4) == {1: 4}
+    # What a region finds in a round counts at the end of that round.
+    assert dealt(44, 4, [(2, 17.0, 30)]) == {2: 4}
+    assert dealt(44, 4, [(2, 17.0, 50)]) == {1: 4}
+
+
+# The scale and the deviation.
+
+
+@seed(11)
+@settings(max_examples=25, deadline=None)
+@given(mean=st.floats(-2.0, 3.0), sd=st.floats(0.01, 0.8))
+def test_mean_and_deviation_of_g_are_those_of_a_sample(mean, sd):
+    scale = Scale(best_cm_s=15.0)
+    z = mean + sd * np.random.default_rng(1).standard_normal(200_000)
+    g = 15.0 + scale.width_cm_s * np.sinh(z)
+    expected, deviation = scale.g(np.array([mean]), np.array([sd]))
+    assert expected[0] == pytest.approx(g.mean(), abs=0.03 * g.std() + 1e-3)
+    assert deviation[0] == pytest.approx(g.std(), rel=0.05)
+    np.testing.assert_allclose(scale.z(g), z, atol=1e-9)
+
+
+def test_the_trend_is_held_at_the_prior_and_follows_many_candidates():
+    z = np.linspace(-1.0, 1.0, 60)
+    assert trend(np.array([0.3]), np.array([0.0]))[0] == pytest.approx(1.0, abs=0.01)
+    rho, constant = trend(0.6 * z + 0.2, z)
+    assert (rho, constant) == (pytest.approx(0.6, abs=0.05), pytest.approx(0.2, abs=0.02))
+
+
+def test_the_deviation_grows_with_the_errors_that_were_seen():
+    def told(error, n):
+        said = {"predicted_g_cm_s": 15.0, "predicted_sd_cm_s": 0.2, "deviation_factor": 2.0}
+        o = Observation(
+            index=0, wave=0, waveform=None, origin="trust-region", n_switches=1, g_cm_s=15.0 + error,
+            rank_cm_s=15.0 + error, g_se_cm_s=0.1,
+            v_u_cm_s=15.0, mean_cm_s=15.0, p_nc=0.0, p_contact=1.0, failed=False, beliefs=said,
+        )  # fmt: skip
+        return too_sure([o] * n)
+
+    assert told(0.0, 0) == TOO_SURE
+    # The process itself said 0.1: 0.1 off is one of its deviations, 0.3 three.
+    assert told(0.3, 40) == pytest.approx(math.sqrt((COUNTS_AS * TOO_SURE**2 + 40 * 9.0) / (COUNTS_AS + 40)))
+    assert told(0.1, 40) < TOO_SURE < told(0.3, 4) < told(0.3, 40)
+    assert told(50.0, 40) == pytest.approx(math.sqrt((COUNTS_AS * TOO_SURE**2 + 40 * 16.0) / (COUNTS_AS + 40)))
+
+
+def test_settings_of_the_objective_are_all_handed_on():
+    config = config_of()
+    names = set(objective_settings(config)) - set(prior_module.NOT_OF_G)
+    import inspect
+
+    assert names == set(inspect.signature(objective_value).parameters) - {"response"}
+    assert replace(config, campaign=replace(config.campaign, seed=6)).has_prior

@@ -1,0 +1,262 @@
+"""Owns the prior of a campaign at work: evaluated by the executor, its basins kept in the store before wave 0.
+
+Both are pure functions of the configuration: how waveforms are dealt to workers shows nowhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from softclose.propose.prior import Prior
+from softclose.propose.prior_basins import find_basins
+from softclose.propose.promises import Ask, Basins, PriorError, PriorValues
+from softclose.settings import CampaignConfig
+from softclose.waveform import Waveform
+from softclose_store import DamageError, GroupArray, StoreMissingError, faults, open_campaign, read_group, write_group
+from softclose_workflows.errors import Stopped
+from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
+from softclose_workflows.run.records import padded_rows, unpadded
+from softclose_workflows.run.stopping import StopRequest
+from softclose_workflows.run.tasks import Rows, rows_of
+
+GROUP = "prior/basins"
+"""Group of the store that holds the basins of the prior."""
+
+LEAST_IN_A_TASK = 8
+"""Waveforms of one task at least: a task costs a millisecond, a waveform on the prior as much."""
+
+POLL_S = 0.5
+"""How often a wait for the prior looks up: for lost workers, for a stop request [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PriorTask:
+    """Waveforms for one worker to evaluate on the prior; nothing of it is stored."""
+
+    store: str
+    """Path or URL of the campaign's store."""
+    fingerprint: str
+    """The campaign that the store has to hold."""
+    first: int
+    """Place of its first waveform among those that were asked for together."""
+    waveforms: tuple[Rows, ...]
+    n_switches: int | None
+    """The first of the prior's switches, None: all."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return f"{len(self.waveforms)} waveforms on the prior"
+
+    @property
+    def key(self) -> str:
+        """For the scheduler."""
+        return f"prior-{self.first}"
+
+    def run(self) -> PriorValues:
+        """Evaluate them, in whichever process."""
+        waveforms = [Waveform.from_rows(rows) for rows in self.waveforms]
+        return _prior_of(self.store, self.fingerprint).values(waveforms, self.n_switches)
+
+
+@lru_cache(maxsize=2)
+def _prior_of(store: str, fingerprint: str) -> Prior:
+    from softclose_workflows.run.tasks import campaign_of
+
+    return Prior.of(campaign_of(store, fingerprint)[0])
+
+
+class Workers(Protocol):
+    """What is used of an executor here, whose protocol knows the tasks of this module."""
+
+    @property
+    def n_workers(self) -> int:
+        """Workers connected now."""
+        ...
+
+    def submit(self, task: Any) -> None:
+        """Start one task."""
+        ...
+
+    def next_event(self, timeout_s: float) -> tuple[Any, Any] | None:
+        """The next finished task with its result or its failure; None after timeout_s."""
+        ...
+
+
+@dataclass(slots=True, eq=False)
+class PriorAtWork:
+    """What `Problem` asks of a prior, by a campaign's own executor and store."""
+
+    store: str
+    config: CampaignConfig
+    fingerprint: str
+    executor: Workers
+    stop: StopRequest
+    receive: Callable[[tuple[Any, Any]], None]
+    """Takes what comes back meanwhile: the blocks of waves that are in flight."""
+    _finding: bool = False
+
+    def basins(self) -> Basins:
+        """As stored, or else found and stored, before anything of the campaign is."""
+        self._finding = True
+        try:
+            return _stored_or_found(self.store, self.config, self.values, keeps=True)
+        finally:
+            self._finding = False
+
+    def values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
+        """The prior's g of each waveform, evaluated by whoever is free."""
+        if self._finding:
+            faults.point("finding-basins")
+        n = len(waveforms)
+        each = max(math.ceil(n / max(2 * self.executor.n_workers, 1)), LEAST_IN_A_TASK)
+        tasks = [
+            PriorTask(
+                store=self.store,
+                fingerprint=self.fingerprint,
+                first=first,
+                waveforms=tuple(rows_of(w) for w in waveforms[first : first + each]),
+                n_switches=n_switches,
+            )
+            for first in range(0, n, each)
+        ]
+        for task in tasks:
+            self.executor.submit(task)
+        found: dict[int, PriorValues] = {}
+        tries: Counter[int] = Counter()
+        while len(found) < len(tasks):
+            event = self.executor.next_event(POLL_S)
+            if self._finding and self.stop:
+                raise PriorError from Stopped(
+                    f"{self.stop.signal_name} received while the prior's basins were being found: nothing is committed "
+                    "yet, and `softclose resume` finds them again"
+                )
+            if event is None:
+                continue
+            done, outcome = event
+            if not isinstance(done, PriorTask):
+                self.receive(event)
+            elif not any(done is own for own in tasks):
+                continue  # of a proposal that was given up
+            elif isinstance(outcome, PriorValues):
+                found[done.first] = outcome
+            else:
+                self._again(done, outcome, tries)
+        parts = [found[first] for first in sorted(found)]
+        return PriorValues(
+            g_cm_s=np.concatenate([part.g_cm_s for part in parts]) if parts else np.empty(0),
+            failure=next((part.failure for part in parts if part.failure), ""),
+        )
+
+    def _again(self, task: PriorTask, outcome: object, tries: Counter[int]) -> None:
+        """A fault of the machine: tried elsewhere a few times, then the run stops."""
+        tries[task.first] += 1
+        if isinstance(outcome, Stopped):
+            raise PriorError from outcome
+        if not isinstance(outcome, BaseException) or stops_at_once(outcome) or tries[task.first] >= MAX_TRIES:
+            raise PriorError from Stopped(
+                f"{task.name} could not be evaluated, tried {tries[task.first]} times "
+                f"({type(outcome).__name__}: {outcome}); nothing of it is recorded"
+            )
+        self.executor.submit(task)
+
+
+@dataclass(slots=True, eq=False)
+class PriorOfStore:
+    """What `Problem` asks of a prior, where a store holds its basins and this process evaluates."""
+
+    store: str
+    config: CampaignConfig
+    keeps: bool = False
+    """Whether basins that are damaged or missing are stored once they are found again."""
+    _prior: Prior | None = None
+
+    def basins(self) -> Basins:
+        """As stored; found again where they are damaged or missing."""
+        return _stored_or_found(self.store, self.config, self.values, keeps=self.keeps)
+
+    def values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
+        """The prior's g of each waveform."""
+        if self._prior is None:
+            self._prior = Prior.of(self.config)
+        return self._prior.values(waveforms, n_switches)
+
+
+def _stored_or_found(path: str, config: CampaignConfig, ask: Ask, *, keeps: bool) -> Basins:
+    try:
+        stored = read_basins(path)
+    except DamageError:  # a pure function of the configuration: it comes out the same again
+        stored = None
+    if stored is not None:
+        return stored
+    found = find_basins(config, ask)
+    if keeps:
+        write_basins(path, found)
+    return found
+
+
+def write_basins(path: str, found: Basins) -> None:
+    """Put the basins into the store, as a whole or not at all."""
+    faults.point("before-basins")
+    n, d = found.shapes.shape[:2]
+    waveforms = padded_rows(found.waveforms) if n else np.empty((0, 1, 4))
+    write_group(
+        path,
+        GROUP,
+        {
+            "basin_waveform": GroupArray(
+                dims=("basin", "pulse", "parameter"),
+                values=waveforms,
+                unit="µs or V",
+                long_name="start, rise, peak, volts of the best waveform of each basin on the prior",
+            ),
+            "promised_g": GroupArray(
+                dims=("basin",), values=found.g_cm_s, unit="cm/s", long_name="objective of it on the prior's switches"
+            ),
+            "basin_shape": GroupArray(
+                dims=("basin", "coordinate", "direction"),
+                values=found.shapes,
+                long_name="lower factor of the covariance of the steps that found it, scaled to determinant 1",
+            ),
+        },
+        {"n_tried": found.n_tried, "failure": found.failure, "n_coordinates": d},
+        replace=True,
+    )
+    faults.point("after-basins")
+
+
+def read_basins(path: str) -> Basins | None:
+    """The stored basins; None where there are none. Raises DamageError."""
+    try:
+        group = read_group(path, GROUP)
+    except StoreMissingError:
+        return None
+    try:
+        arrays, said = group.arrays, group.attributes
+        return Basins(
+            waveforms=tuple(unpadded(rows) for rows in arrays["basin_waveform"]),
+            g_cm_s=arrays["promised_g"],
+            shapes=arrays["basin_shape"],
+            n_tried=int(said["n_tried"]),
+            failure=str(said["failure"]),
+        )
+    except (KeyError, IndexError, TypeError, ValueError) as e:
+        raise DamageError(
+            f"group {GROUP} of {path} holds no basins ({type(e).__name__}: {e}): run `softclose verify {path} --repair`"
+        ) from e
+
+
+def basins_again(path: str) -> str:
+    """Find the basins of a store's campaign again, and store them. Returns why not; empty where it is done."""
+    config = CampaignConfig.from_dict(open_campaign(path).config)
+    if not config.has_prior:
+        return f"{GROUP} of {path} belongs to no prior that this campaign has: delete that group"
+    write_basins(path, find_basins(config, PriorOfStore(path, config).values))
+    return ""
