@@ -247,3 +247,33 @@ def test_a_path_in_an_override_is_from_here_and_one_in_a_file_from_beside_it(
     assert load_config("../there/own.toml").build_population().name == "from there"
     own = load_config("../there/own.toml", ["population.name=lot.toml"])
     assert own.build_population().name == "from here"
+
+
+@pytest.mark.parametrize("how", ["beside its file", "absolute", "from here", "home"])
+def test_the_folder_that_one_stands_in_is_no_part_of_a_campaign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    modes = Path(__file__).parents[2] / "pipeline/softclose/presets/modes/plate.toml"
+    (tmp_path / "elsewhere").mkdir()
+    for folder in (tmp_path, tmp_path / "elsewhere"):
+        (folder / "lot.toml").write_text('base = "current"\nname = "mine"\n')
+        (folder / "modes.toml").write_text(modes.read_text())
+    table = '[population]\nname = "{0}lot.toml"\n[model]\nname = "reduced-order"\nmodes = "{0}modes.toml"\n'
+    (tmp_path / "own.toml").write_text(table.format(""))
+    (tmp_path / "absolute.toml").write_text(table.format(f"{tmp_path}/"))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "home.toml").write_text(table.format("~/"))
+    monkeypatch.chdir(tmp_path)
+    here = load_config("own.toml")
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    there = {
+        "beside its file": lambda: load_config("../own.toml"),
+        "absolute": lambda: load_config(tmp_path / "absolute.toml"),
+        "from here": lambda: load_config("../own.toml", ["population.name=lot.toml", "model.modes=./modes.toml"]),
+        "home": lambda: load_config("~/home.toml"),
+    }[how]()
+    assert there.fingerprint() == here.fingerprint()
+    assert (there.population.name, there.model.modes) == ("lot.toml", "modes.toml")
+    again = CampaignConfig.from_dict(there.to_dict())
+    assert again.revised(["campaign.seed=3"]).build_population().name == "mine"
+    assert str(tmp_path) not in canonical_json(there.to_dict())

@@ -27,7 +27,7 @@ def _problem(budget: int, **settings: Any) -> Problem:
         load_config(
             {
                 "campaign": {"budget": budget, "seed": 4},
-                "population": {"n_switches": N},
+                "population": {"n_switches": N, "sampling": "monte-carlo"},
                 "optimiser": {"engine": "nsga2"},
                 **settings,
             }

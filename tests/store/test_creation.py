@@ -14,11 +14,13 @@ import xarray
 import zarr
 
 import small_store
+import softclose_store.write.create as create_module
 from small_store import ALGORITHM, CONFIG, SEARCH, create, layout, population
 from softclose_store import (
     DamageError,
     DriverStore,
     LayoutError,
+    LockedError,
     OtherAlgorithmError,
     OtherConfigurationError,
     RecordError,
@@ -329,3 +331,40 @@ def test_a_block_is_a_handful_of_files_however_many_candidates_and_switches_it_h
         write_block(path, "search", 0, 0, small_store.block(sizes, "search", 0, 0), 1)
         counts.append(sum(1 for p in path.rglob("*") if p.is_file()) - before)
     assert counts == [5, 5]
+
+
+@pytest.mark.parametrize("exist_ok", [False, True])
+def test_the_slower_of_two_that_begin_the_same_campaign_is_told_to_wait(tmp_path, monkeypatch, exist_ok):
+    """It was told to give another path, which would have run the campaign twice."""
+    path, other = tmp_path / "a.zarr", tmp_path / "b.zarr"
+    write_all = create_module._write_all
+
+    def faster(files, hierarchy):
+        write_all(files, hierarchy)
+        monkeypatch.setattr(create_module, "_write_all", write_all)
+        create(other)  # the other driver's, between writing and appearing; a process of its own has its own folder
+        os.rename(other, path)
+
+    monkeypatch.setattr(create_module, "_write_all", faster)
+    if exist_ok:
+        create(path, exist_ok=True)
+    else:
+        with pytest.raises(LockedError, match=r"another driver has just begun .* wait for it .*softclose resume"):
+            create(path)
+    assert store_state(path).kind == "campaign"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.zarr"]
+
+
+def test_the_slower_of_two_different_campaigns_is_told_what_differs(tmp_path, monkeypatch):
+    path, other = tmp_path / "a.zarr", tmp_path / "b.zarr"
+    write_all = create_module._write_all
+
+    def faster(files, hierarchy):
+        write_all(files, hierarchy)
+        monkeypatch.setattr(create_module, "_write_all", write_all)
+        create(other, config={"campaign": {"seed": 77, "budget": 8}, "model": CONFIG["model"]})
+        os.rename(other, path)
+
+    monkeypatch.setattr(create_module, "_write_all", faster)
+    with pytest.raises(OtherConfigurationError, match="it differs in"):
+        create(path)

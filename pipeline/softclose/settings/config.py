@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any, Self
 
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
@@ -78,6 +79,8 @@ class CampaignConfig:
     def _check(self) -> Self:
         if not self.population_model:
             object.__setattr__(self, "population_model", load_population(self.population.name).to_dict())
+            # The content is what counts: the same campaign begun from another folder is the same campaign.
+            object.__setattr__(self, "population", replace(self.population, name=file_name(self.population.name)))
         self._check_model()
         self.temperature.check_lot(self.build_population())
         self._check_opening()
@@ -148,6 +151,7 @@ class CampaignConfig:
                     raise ValueError("model.name is reduced-order: give model.modes, the TOML file of its modes")
                 modes = read_reduced_order(m.modes).to_dict()
                 object.__setattr__(self, "reduced_order_model", modes)
+                object.__setattr__(self, "model", replace(m, modes=file_name(m.modes)))
             self.build_reduced_order()
         elif m.modes or self.reduced_order_model:
             raise ValueError(f"model.modes is {m.modes!r}, and model.name {m.name!r} has none: use reduced-order")
@@ -362,6 +366,11 @@ class CampaignConfig:
     def fingerprint(self) -> str:
         """sha256 of the canonical JSON of everything that decides the content of the store."""
         return hashlib.sha256(canonical_json(self.to_dict()).encode()).hexdigest()
+
+
+def file_name(path: str) -> str:
+    """What a configuration keeps of the path of a file whose content it keeps: its name. Names stay as they are."""
+    return Path(path).name if path.endswith(".toml") else path
 
 
 def canonical_json(data: Mapping[str, Any]) -> str:

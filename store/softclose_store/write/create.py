@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -19,6 +20,7 @@ from softclose_store.disk.files import StorePath, local_path, normalised, open_f
 from softclose_store.disk.processes import process_is_alive
 from softclose_store.errors import (
     DamageError,
+    LockedError,
     OtherAlgorithmError,
     OtherConfigurationError,
     StoreError,
@@ -108,7 +110,17 @@ def create_campaign(
     if target is None:
         _write_all(open_files(path, read_only=False), hierarchy)
         return
-    _appear(target.absolute(), hierarchy)
+    try:
+        _appear(target.absolute(), hierarchy)
+    except FileExistsError as e:  # another driver was faster, by less than it takes to write all this
+        where = normalised(path)
+        if not _same_campaign_exists(path, config, identity, algorithm, exist_ok=True):
+            raise StoreError(f"cannot create a store at {where}: {e.strerror}, and gone again; try again") from e
+        if not exist_ok:
+            raise LockedError(
+                f"another driver has just begun this very campaign at {where}; a store has one driver at a time: wait "
+                f"for it (`softclose status {where}`), and `softclose resume {where}` goes on where it stops"
+            ) from e
 
 
 def _write_all(files: Store, hierarchy: Mapping[str, bytes]) -> None:
@@ -122,7 +134,8 @@ def _write_all(files: Store, hierarchy: Mapping[str, bytes]) -> None:
 def _appear(target: Path, hierarchy: Mapping[str, bytes]) -> None:
     """Write the hierarchy into a sibling of the target and rename it: there is never half a store at the target.
 
-    Synced in any case: what a store is must not be lost, then everything else can be made again.
+    Synced in any case: what a store is must not be lost, then everything else can be made again. Raises FileExistsError
+    where something has appeared at the target meanwhile.
     """
     _remove_abandoned(target)
     sibling = target.with_name(f"{target.name}.creating-{socket.gethostname()}-{os.getpid()}")
@@ -136,6 +149,8 @@ def _appear(target: Path, hierarchy: Mapping[str, bytes]) -> None:
         sync_directory(target.parent)
     except OSError as e:
         shutil.rmtree(sibling, ignore_errors=True)
+        if e.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR) and os.path.lexists(target):
+            raise FileExistsError(e.errno, e.strerror, str(target)) from e
         raise StoreError(
             f"cannot create a store at {target}: {e.strerror or e}; give a path in a folder that you can write to"
         ) from e

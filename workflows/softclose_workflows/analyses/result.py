@@ -26,7 +26,10 @@ def print_result(path: str) -> None:
     best = campaign.best()
     if best is None:
         standing = read_standing(path)
-        raise Stopped(f"none of its {standing.committed} candidates could be assessed; first reason: {standing.reason}")
+        raise Stopped(
+            f"none of its {standing.committed} candidates could be assessed; first reason: {standing.reason}; where "
+            f"that is mended: softclose resume {path} --retry-failed"
+        )
     switches = Lot(campaign.population()).rows(slice(best.n_switches))
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
     kind = interval_kinds(config.objective.confidence, best.n_switches, config.population.sampling).removesuffix(".")

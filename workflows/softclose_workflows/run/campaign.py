@@ -267,7 +267,8 @@ class Driver:
         if len(self._history) >= min(MOST_FAILED, self.config.total_budget) and not math.isfinite(self._best[1]):
             reason = next((row["failure"] for row in rows if row.get("failure")), "no switch was assessed")
             raise Stopped(
-                f"none of {len(self._history)} candidates could be assessed ({reason}): mend the device model"
+                f"none of {len(self._history)} candidates could be assessed ({reason}): mend the device model, then "
+                f"`softclose resume {self.store.path} --retry-failed`"
             )
         self._report()
 

@@ -14,6 +14,7 @@ def warm_started(config: CampaignConfig) -> CampaignConfig:
 
     Taken are the best candidates that lie apart, of the largest ensemble first, as far as they are points of this
     search space within its limits. A configuration without `initial_from`, or filled already, is returned as it is.
+    What is kept of the store's path is its name: the waveforms are what counts, from wherever it was read.
     Raises ConfigError where the store has no such candidate, a StoreError where it cannot be read.
     """
     w = config.waveform
@@ -34,6 +35,7 @@ def warm_started(config: CampaignConfig) -> CampaignConfig:
             "waveform.initial_from out, or change these"
         )
     data = config.to_dict()
+    data["waveform"]["initial_from"] = w.initial_from.rstrip("/").rpartition("/")[2]
     data["waveform"]["initial"] = [o.waveform.rows().tolist() for o in chosen]
     return CampaignConfig.from_dict(data)
 
