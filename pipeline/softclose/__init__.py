@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from softclose.metrics.objective import assess as assess
     from softclose.plugins import EngineError as EngineError
     from softclose.plugins import ModelError as ModelError
+    from softclose.plugins import allow_code as allow_code
     from softclose.population import Population as Population
     from softclose.population import load_population as load_population
     from softclose.population.lot import Lot as Lot
@@ -74,6 +75,7 @@ _HOME = {
     "realise": "evaluate",
     "respond": "evaluate",
     "read_trace": "waveform",
+    "allow_code": "plugins",
     "assess": "metrics.objective",
     "load_config": "settings",
     "load_population": "population",

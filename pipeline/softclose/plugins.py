@@ -6,6 +6,10 @@ Names are checked without importing what they stand for: reading a configuration
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import os
+import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -42,7 +46,23 @@ class Plugin:
         return (*self.shipped, *sorted(e.name for e in entry_points(group=self.group)))
 
     def check(self, name: str) -> None:
-        """Raise `error`, naming the nearest known one, where there is none of that name. Imports none."""
+        """Raise `error`, naming the nearest known one, where there is none of that name. Imports none.
+
+        `module:function` is a name where the user has allowed that very one (`allow_code`).
+        """
+        if is_code(name):
+            if name not in allowed_code():
+                raise self.error(
+                    f"{self.key} is {name}, which is code. It runs only where you say so yourself, never because a "
+                    f"file or a store names it: softclose --allow-code {name} …, or softclose.allow_code({name!r})"
+                )
+            module = name.partition(":")[0]
+            if not _is_here(module):
+                raise self.error(
+                    f"{self.key} is {name}, and there is no module {module}: stand in its folder ({os.getcwd()} is "
+                    "searched), or install it"
+                )
+            return
         if name not in self.names():
             raise self.error(
                 f"{unknown_name(self.what, name, self.names(), self.key)}. One of your own comes with the package that "
@@ -55,14 +75,71 @@ class Plugin:
             return load_object(self.shipped[name])
         self.check(name)
         try:
+            if is_code(name):
+                return load_object(name)
             return next(e for e in entry_points(group=self.group) if e.name == name).load()
         except Exception as e:  # somebody else's module may raise anything while it is imported
             raise self.error(f"{self.what} {name!r} cannot be loaded: {type(e).__name__}: {e}") from e
 
 
+ALLOWED = "SOFTCLOSE_ALLOWED_CODE"
+"""Environment variable by which worker processes learn what their user has allowed; the command line begins without."""
+
+_CODE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", re.ASCII)
+
+
+def is_code(name: str) -> bool:
+    """Whether a name is that of an object of a module, `module:function`."""
+    return _CODE.fullmatch(name) is not None
+
+
+def allowed_code() -> tuple[str, ...]:
+    """What may be run beside what is installed."""
+    return tuple(os.environ.get(ALLOWED, "").split())
+
+
+def allow_code(*names: str) -> None:
+    """Let `optimiser.engine` and `model.name` be these functions of modules, in this process and those that it starts.
+
+    The folder that one stands in is searched last for their modules. Nothing but a call of this function, or the
+    flag that a user types, allows them: what a store or a file names is not run for that.
+
+    Parameters
+    ----------
+    *names : str
+        `module:function` each.
+
+    Raises
+    ------
+    EngineError
+        For another form.
+    """
+    for name in names:
+        if not (isinstance(name, str) and is_code(name)):
+            raise EngineError(f"{name!r} is no code to allow; give module:function, such as my_switch:simulate")
+    os.environ[ALLOWED] = " ".join(dict.fromkeys((*allowed_code(), *names)))
+
+
+def _look_here() -> None:
+    """Search the folder that one stands in for modules too: last, so that it hides nothing that is installed."""
+    if (here := os.getcwd()) not in sys.path:
+        sys.path.append(here)
+
+
+def _is_here(module: str) -> bool:
+    """Whether a module can be found; imports none but the packages that it lies in."""
+    _look_here()
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ImportError:
+        return False
+
+
 def load_object(target: str) -> Any:
     """The object at `module:attribute`."""
     module, _, attribute = target.partition(":")
+    if target in allowed_code():
+        _look_here()
     return getattr(importlib.import_module(module), attribute)
 
 

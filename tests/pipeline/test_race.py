@@ -170,7 +170,7 @@ def test_what_cannot_be_told_apart_decides_nothing() -> None:
     """One whose v_u is undefined has no error of its g: it is not beaten, and the race is not won without it."""
     good, _ = _field(5, (0.0, 0.0))
     never = SimpleNamespace(max_contact_speed=np.full(N, np.nan), closed=np.zeros(N, dtype=bool))
-    found = race(2, sizes(1000, N), _track([good, never]), tolerance_cm_s=5.0)
+    found = race(2, sizes(1000, N), _track([good, never]), tolerance_cm_s=5.0, max_open=1.0)
     assert [lap.n_switches for lap in found.laps] == [1000, 2000, 4000, 8000]
     assert found.finalists == (0, 1)
     assert math.isinf(found.laps[-1].margin_cm_s)

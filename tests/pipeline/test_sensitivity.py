@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -132,3 +133,68 @@ def test_closing_too_late_is_a_failure_to_close() -> None:
     )
     assert early.p_closed == 0.0
     assert late.p_closed > 0.9
+
+
+def test_correlated_variables_have_indices_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of V = D + 2 G + T / 20 with D and G correlated: the share of both is that of the variance of D + 2 G."""
+
+    def linear(config: object, lot: Lot, waveform: object) -> Any:
+        v = lot["D"] + 2.0 * lot["G"] + 0.05 * lot["T"]
+        return SimpleNamespace(max_contact_speed=v, closed=lot["D"] < 2.42, status=np.zeros(len(lot)))
+
+    monkeypatch.setattr(module, "respond", linear)
+    lot = replace(CURRENT, correlation=(("D", "G", 0.8),))
+    s = sensitivity(lot, unshaped(), n=512)
+    drawn = lot.sample_parameters(200_000, seed=7)
+    both, alone = float(np.var(drawn[:, 0] + 2.0 * drawn[:, 1])), float(np.var(0.05 * drawn[:, 3]))
+    assert both > 1.2 * float(np.var(drawn[:, 0]) + 4.0 * np.var(drawn[:, 1])), "the correlation matters here"
+    exact = {("v_cm_s", "D and G"): both / (both + alone), ("v_cm_s", "T"): alone / (both + alone)}
+    exact |= {("closed", "D and G"): 1.0}
+    assert [i.variable for i in s.indices if i.output == "closed"] == ["D and G", "E", "T"]
+    for i in s.indices:
+        truth = exact.get((i.output, i.variable), 0.0)
+        assert i.first == pytest.approx(truth, abs=0.03), i
+        assert i.total == pytest.approx(truth, abs=0.03), i
+
+
+@pytest.mark.parametrize(
+    ("pairs", "groups"),
+    [
+        ((), ["D", "G", "U_pi", "f"]),
+        ((("G", "U_pi", 0.7),), ["D", "G and U_pi", "f"]),
+        ((("D", "f", -0.5), ("G", "U_pi", 0.7)), ["D and f", "G and U_pi"]),
+        ((("D", "G", 0.3), ("f", "G", 0.4)), ["D and G and f", "U_pi"]),
+        ((("D", "G", 0.0),), ["D", "G", "U_pi", "f"]),
+    ],
+)
+def test_a_lot_told_by_pull_in_and_resonance_has_indices(
+    tmp_path: Path, pairs: tuple[tuple[str, str, float], ...], groups: list[str]
+) -> None:
+    lines = ['name = "al"', "plate_area_um2 = 12000.0"]
+    for name, low, high in (("D", 1.49, 1.59), ("G", 2.46, 2.57), ("U_pi", 19.2, 21.5), ("f", 59.9, 63.3)):
+        lines += [
+            f"[{name}]",
+            'distribution = "beta"',
+            f"lower = {low}",
+            f"upper = {high}",
+            "alpha = 2.0",
+            "beta = 2.0",
+        ]
+    lines += ["[correlation]", *(f"{a}-{b} = {rho}" for a, b, rho in pairs)] if pairs else []
+    (tmp_path / "al.toml").write_text("\n".join(lines) + "\n")
+    lot = load_population(tmp_path / "al.toml")
+    s = sensitivity(lot, unshaped(26.0), n=32, n_replicates=2)
+    assert [i.variable for i in s.indices if i.output == "v_cm_s"] == groups
+    assert s.p_contact > 0.9
+    assert sum(i.total for i in s.indices if i.output == "v_cm_s") > 0.7
+
+
+def test_a_lot_of_devices_with_k_and_m_of_their_own_has_indices(tmp_path: Path) -> None:
+    mean = CURRENT.mean_switch
+    text = 'name = "own"\nbase = "current"\n'
+    for name, value in (("K", mean[2]), ("M", mean[3])):
+        values = [float(value) * f for f in (0.9, 0.95, 1.0, 1.05, 1.1)]
+        text += f"[{name}]\ndistribution = 'empirical'\nvalues = {values}\n"
+    (tmp_path / "own.toml").write_text(text)
+    s = sensitivity(load_population(tmp_path / "own.toml"), unshaped(), n=32, n_replicates=2)
+    assert [i.variable for i in s.indices if i.output == "v_cm_s"] == ["D", "G", "K", "M"]

@@ -251,7 +251,7 @@ def test_best_so_far_starts_afresh_with_a_larger_ensemble(data: ReportData) -> N
     g[-2:] = 25.0, 24.0
     sizes = np.full(n, 60)
     sizes[-2:] = 600
-    columns = data.candidates.columns | {"g_cm_s": g, "g_lower_cm_s": g - 1.0, "g_upper_cm_s": g + 1.0}
+    columns = data.candidates.columns | {"g_cm_s": g, "rank_cm_s": g, "g_lower_cm_s": g - 1.0, "g_upper_cm_s": g + 1.0}
     candidates = dataclasses.replace(data.candidates, columns=columns, n_switches=sizes, failed=np.zeros(n, dtype=bool))
     c = shapes.convergence(dataclasses.replace(data, candidates=candidates))
     assert c.best_cm_s.tolist() == [*g[:-2].tolist(), 25.0, 24.0]

@@ -37,7 +37,8 @@ def test_one_commit_has_no_pace(n: int) -> None:
 
 
 def small(path: Path, until: int) -> None:
-    create(path, config={"campaign": {"seed": 7, "budget": 8, "name": "eight"}, "model": {"horizon_us": 250.0}})
+    of = {"campaign": {"seed": 7, "budget": 8, "name": "eight"}, "objective": {"max_open": 1.0, "warn_open": 0.2}}
+    create(path, config=of | {"model": {"horizon_us": 250.0}})
     run(path, until)
 
 

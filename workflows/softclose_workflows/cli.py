@@ -92,8 +92,18 @@ def _say(message: str) -> None:
 @click.group(cls=Group, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="softclose")
 @click.option("--verbose", "-v", is_flag=True, help="Log what happens, and show where an error came from.")
-def main(verbose: bool) -> None:
+@click.option(
+    "--allow-code",
+    multiple=True,
+    metavar="MODULE:FUNCTION",
+    help="Run this device model or engine of your own, where a configuration names it; repeatable.",
+)
+def main(verbose: bool, allow_code: tuple[str, ...]) -> None:
     """Design the drive-voltage pulses that close a whole production lot of MEMS switches softly."""
+    from softclose import plugins
+
+    os.environ.pop(plugins.ALLOWED, None)  # what is typed counts, and nothing else
+    plugins.allow_code(*allow_code)
     if verbose:
         import logging
 

@@ -5,7 +5,7 @@ Of the lot's four variables, and of whatever its conditions draw: errors of meas
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,7 +38,8 @@ class SensitivityIndex:
     output: str
     """`v_cm_s`: V with 0 for a switch that never touches (it hits with no speed); `closed`: 1 if closed, else 0."""
     variable: str
-    """D, G, E, T or another variable of the lot, or what a condition draws, such as `gain`."""
+    """D, G, E, T or another variable of the lot, or what a condition draws, such as `gain`; correlated variables stand
+    together, as `D and G`."""
     first: float
     """First-order index: the variable by itself. NaN where the output does not vary."""
     first_interval: tuple[float, float]
@@ -75,6 +76,24 @@ def _measured(piece: tuple[Sent, Waveform, FloatArray]) -> tuple[FloatArray, NDA
     return np.asarray(r.max_contact_speed, dtype=np.float64), held, int((np.asarray(r.status) != 0).sum())
 
 
+def together(parts: Sequence[str], correlated: Sequence[tuple[str, str, float]]) -> list[tuple[str, ...]]:
+    """What is independent of everything else: single inputs, and those that correlations join, in the order given.
+
+    Parameters
+    ----------
+    parts : sequence of str
+        Inputs.
+    correlated : sequence of (str, str, float)
+        Pairs and their correlations.
+    """
+    joined = {part: {part} for part in parts}
+    for one, other, rho in correlated:
+        if rho != 0.0:
+            both = joined[one] | joined[other]
+            joined.update(dict.fromkeys(both, both))
+    return list(dict.fromkeys(tuple(part for part in parts if part in joined[own]) for own in parts))
+
+
 def sensitivity(
     population: Population,
     waveform: Waveform,
@@ -94,6 +113,7 @@ def sensitivity(
     switches are simulated.
     The indices need V of every point, also where a switch never touches: there V counts as 0, and `p_contact` says
     how often. V "among those in contact" has no such indices: contact makes the inputs dependent.
+    Variables that the population correlates have indices together, `D and G`: the variance has no shares of each.
     config: whose device model and conditions apply; the defaults where it is left out. mapper: who simulates; listener:
     told (done, all). Same seed, same indices.
     """
@@ -101,19 +121,15 @@ def sensitivity(
         raise SensitivityError(f"n is {n}; it must be a power of 2, such as 512 or 4096")
     if n_replicates < 2:
         raise SensitivityError(f"n_replicates is {n_replicates}; intervals need at least 2 (8 is usual)")
-    if population.correlation:
-        raise SensitivityError(
-            f"{population.name!r} has correlated parameters, of which variance has no shares (Sobol' indices are of "
-            "independent ones): ask a population without [correlation]"
-        )
-    from scipy.stats import sobol_indices, uniform
+    from scipy.stats import qmc, sobol_indices
 
     settings = load_config({}) if config is None else config
     area = population.plate_area(None if config is None else config.model.plate_area_um2)
     settings = replace(
         settings, population_model=population.to_dict(), model=replace(settings.model, plate_area_um2=area)
     )
-    names = [part for c in coordinates(settings) for part in c.parts]
+    parts = [part for c in coordinates(settings) for part in c.parts]
+    groups = together(parts, population.correlation)
     sent = Sent(settings)
     touched = closed = total = failed = 0
     spread: list[FloatArray] = []
@@ -140,12 +156,16 @@ def sensitivity(
         return out
 
     replicates = []
-    # The unit cube goes in, and `quantile` maps it: scipy then needs to know nothing about the distributions.
     for i in range(n_replicates):
         rng = np.random.default_rng(key(seed, Draw.SENSITIVITY, i))
         spread.clear()
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: Any = sobol_indices(func=outputs, n=n, dists=[uniform()] * len(names), rng=rng)
+            # The indices of a group are those of one input of several dimensions: its columns are exchanged together.
+            a, b = qmc.Sobol(d=2 * len(parts), rng=rng, bits=64).random(n).T.reshape(2, len(parts), n)
+            exchanged = np.stack([np.where(np.isin(parts, group)[:, None], b, a) for group in groups])
+            f_ab = outputs(np.concatenate(list(exchanged), axis=1)).reshape(len(OUTPUTS), len(groups), n)
+            known = {"f_A": outputs(a), "f_B": outputs(b), "f_AB": f_ab.transpose(1, 0, 2)}
+            found: Any = sobol_indices(func=known, n=n)
         indices = np.array([found.first_order, found.total_order])
         indices[:, np.max(spread, axis=0) == 0.0] = np.nan  # 0/0, which scipy calls 0
         replicates.append(indices)
@@ -163,7 +183,7 @@ def sensitivity(
                 total_interval=student_interval(table[:, 1, i, j], confidence),
             )
             for i, output in enumerate(OUTPUTS)
-            for j, v in enumerate(names)
+            for j, v in enumerate(map(" and ".join, groups))
         ),
         p_contact=touched / total,
         p_closed=closed / total,
