@@ -60,9 +60,17 @@ class Closing:
 
     @classmethod
     def of(
-        cls, config: CampaignConfig, lot: Lot, waveform: Drive, response: Responses, *, fresh: bool = True
+        cls,
+        config: CampaignConfig,
+        lot: Lot,
+        waveform: Drive,
+        response: Responses,
+        *,
+        fresh: bool = True,
+        for_everybody: bool = False,
     ) -> Closing:
-        """Of a response that `respond` gave for this lot and waveform; fresh: of independent random switches."""
+        """Of a response that `respond` gave for this lot and waveform; fresh: of independent random switches;
+        for_everybody: its drive was tailored to no switch."""
         chain = chain_of(config)
         return cls(
             chain=chain,
@@ -70,17 +78,17 @@ class Closing:
             waveform=waveform,
             response=response,
             assessment=judge(config, response, fresh=fresh),
-            held_V=held_voltages(chain, lot, waveform),
+            held_V=held_voltages(chain, lot, waveform, for_everybody=for_everybody),
         )
 
 
-def held_voltages(chain: Chain, lot: Lot, waveform: Drive) -> FloatArray:
+def held_voltages(chain: Chain, lot: Lot, waveform: Drive, *, for_everybody: bool = False) -> FloatArray:
     """(n,) voltage at each switch at the end of the simulation [V].
 
     Behind an amplifier that answers in proportion it is that of the common command in proportion: at the end a command
     has been held for long. Behind another one every drive is delivered.
     """
-    drives, horizon = drives_of(chain, lot, waveform), chain.device.horizon_us
+    drives, horizon = drives_of(chain, lot, waveform, for_everybody=for_everybody), chain.device.horizon_us
     ones = np.ones(len(lot))
     volts, times, gain = (ones if f is None else f for f in (drives.volts, drives.times, drives.gain))
     delivery = drives.delivery

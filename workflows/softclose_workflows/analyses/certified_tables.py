@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from softclose.metrics.intervals import Interval, Proportion
+from softclose_workflows.analyses.hold import Hold, hold_lines
 from softclose_workflows.analyses.opening import openings_to_json, print_openings
 from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.tell.console import wide_console
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
     from softclose_workflows.analyses.certify import Certification, Certified
 
 
-def print_certification(result: Certification) -> None:
-    """Candidates by certified g, the reference designs, and the best one against each of them."""
+def print_certification(result: Certification, holds: Sequence[Hold] = ()) -> None:
+    """Candidates by certified g, the reference designs, the best one against each of them, and how they hold."""
     from softclose_workflows.run import records
 
     print_designs(
@@ -53,7 +55,12 @@ def print_certification(result: Certification) -> None:
     for reference in (*result.references, *(d for d in result.candidates[1:] if d.candidate == result.incumbent)):
         console.print(f"  against {reference.name}: {comparison_line(result.comparison(reference))}")
     beaten = beaten_lines(a, {d.name: d.assessment for d in result.references})
-    for line in [*filter(None, [a.open_warning]), *beaten, *missing_lines(result.missing)]:
+    for line in [
+        *filter(None, [a.open_warning]),
+        *hold_lines(holds, a.level),
+        *beaten,
+        *missing_lines(result.missing),
+    ]:
         console.print(line)
     if result.openings is not None:
         o = result.openings
@@ -110,7 +117,7 @@ def _proportion(p: Proportion) -> str:
     return f"{in_percent(p.estimate, 2)} (Eq. 11: {wald}; Wilson {wilson}; Clopper-Pearson {clopper})"
 
 
-def certification_to_json(result: Certification) -> dict[str, Any]:
+def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> dict[str, Any]:
     """One object; undefined numbers are null."""
 
     def design(d: Certified) -> dict[str, Any]:
@@ -137,6 +144,7 @@ def certification_to_json(result: Certification) -> dict[str, Any]:
             "committed": result.committed,
             "incumbent": result.incumbent,
             "warning": result.best.assessment.open_warning,
+            "hold": [hold.to_dict() for hold in holds],
             "candidates": [design(d) for d in result.candidates],
             "references": [design(d) for d in result.references],
             "missing_references": dict(result.missing),

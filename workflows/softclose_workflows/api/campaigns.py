@@ -12,7 +12,7 @@ from typing import Any
 from softclose.population.calibrate import Calibration, write_calibration
 from softclose.population.calibrate import calibrate as fit_population
 from softclose.population.measurements import MeasurementError, read_measurements
-from softclose.settings import load_config
+from softclose.settings import CampaignConfig, load_config
 from softclose.uncertainty.sensitivity import Sensitivity
 from softclose.uncertainty.tolerance import DriveError, DriveTolerance
 from softclose_store import open_campaign, path_text
@@ -21,6 +21,7 @@ from softclose_workflows.analyses import rescore as rescoring
 from softclose_workflows.analyses.certification import Certification
 from softclose_workflows.analyses.certify import certify as certify_store
 from softclose_workflows.analyses.finalists import certify_within
+from softclose_workflows.analyses.hold import hold_lines, holds_of
 from softclose_workflows.api.results import CampaignRun, Result, metrics, warned
 from softclose_workflows.run import extension
 from softclose_workflows.run.crew import open_crew
@@ -190,11 +191,12 @@ def certify(
         {"design": d.name, **metrics(d.assessment), "optimism of the training score [cm/s]": d.optimism_cm_s}
         for d in (*found.candidates, *found.references)
     ]
+    holds = holds_of(CampaignConfig.from_dict(open_campaign(path).config), found)
     return Result(
         value=found,
         title=f"{path} on {found.n_switches:,} new switches",
         rows=rows,
-        notes=warned(found.best.assessment),
+        notes=(*warned(found.best.assessment), *hold_lines(holds, found.best.assessment.level)),
     )
 
 

@@ -56,9 +56,12 @@ def certify(
     Certifications on different numbers of switches are kept side by side; the one on the most switches counts for
     `export`, `report` and `compare`.
     """
+    from softclose.settings import CampaignConfig
+    from softclose_store import open_campaign
     from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification, print_race
     from softclose_workflows.analyses.certify import certify as run
     from softclose_workflows.analyses.finalists import certify_within
+    from softclose_workflows.analyses.hold import holds_of
     from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
@@ -70,10 +73,11 @@ def certify(
             result = run(store, **options, mapper=crew, listener=listener)
         else:
             result, race = certify_within(store, within_cm_s, **options, mapper=crew, listener=listener)
+    holds = holds_of(CampaignConfig.from_dict(open_campaign(store).config), result)
     if as_json:
         raced = {} if race is None else {"race": race.to_dict()}
-        click.echo(json_text(certification_to_json(result) | raced))
+        click.echo(json_text(certification_to_json(result, holds) | raced))
         return
-    print_certification(result)
+    print_certification(result, holds)
     if race is not None:
         print_race(race)

@@ -9,6 +9,7 @@ from softclose.metrics.objective import Assessment
 from softclose.metrics.paired import Comparison
 from softclose.propose.origins import ORIGINS, label_of
 from softclose_workflows.analyses.certify import Certification
+from softclose_workflows.analyses.hold import hold_lines, holds_of
 from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.drive_picture import drive_picture
@@ -46,7 +47,7 @@ def headline(data: ReportData) -> dict[str, Any]:
         "valid": a.intervals_valid,
         "n": count(a.n),
         "confidence": 100.0 * a.confidence,
-        "said": [*([a.limit.sentence] if a.limit is not None else []), *_failed(a)],
+        "said": [*([a.limit.sentence] if a.limit is not None else []), *_failed(a), *_held(data)],
         "warnings": [
             *filter(None, [a.open_warning]),
             *beaten_lines(a, {d.name: d.assessment for d in designs[1:]}),
@@ -57,6 +58,13 @@ def headline(data: ReportData) -> dict[str, Any]:
         "health": health(data),
         "certified": None if certification is None else _certified(data, certification),
     }
+
+
+def _held(data: ReportData) -> list[str]:
+    """How the certified design holds its lot, beside the references."""
+    if data.certification is None:
+        return []
+    return hold_lines(holds_of(data.config, data.certification), data.config.objective.level)
 
 
 def found_by(data: ReportData) -> str:

@@ -1,0 +1,98 @@
+"""Owns what a certificate says of hold: how far above its release voltage each switch of the new ones is held.
+
+A low hold voltage is a soft one. What a search wins by it is lost where a device ages, or a supply sags.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from softclose.device.simulate import Responses
+from softclose.evaluate.quantities import Closing, Value, quantity
+from softclose.plugins import MEASURED
+from softclose.settings import CampaignConfig
+from softclose_workflows.analyses.certification import Certification
+from softclose_workflows.analyses.certify import fresh_switches
+from softclose_workflows.tell.tables import with_interval
+
+MARGIN = "hold_margin"
+SMALL = 0.1
+"""Part of the hold voltage below which the least margin of a lot is remarked upon."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hold:
+    """How one design holds the switches of a certificate."""
+
+    name: str
+    """Of the design."""
+    margin_V: Value
+    """Hold voltage above the release voltage: what 90 % (the level) of the switches have at least [V]."""
+    least_V: float
+    """The least of all of them [V]; below 0 it does not hold."""
+    held_V: float
+    """Mean voltage at the end of the simulation [V]."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return asdict(self)
+
+
+def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold, ...]:
+    """How the best candidate and the reference designs hold, on the certificate's switches.
+
+    Parameters
+    ----------
+    config : CampaignConfig
+        The campaign's.
+    certification : Certification
+        Its certificate.
+
+    Returns
+    -------
+    tuple of Hold
+        The best first. () where the devices themselves are measured, or the model is somebody else's, whose release
+        voltages are not known.
+    """
+    if config.model.name == MEASURED:
+        return ()
+    lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
+    found = []
+    for design in (certification.best, *certification.references):
+        response = cast(Responses, design.response)
+        everybody = design.candidate is None
+        closing = Closing.of(config, lot, design.waveform, response, for_everybody=everybody)
+        values = quantity(MARGIN).values(closing)
+        if np.isnan(values).all():
+            continue
+        found.append(
+            Hold(
+                name=design.name,
+                margin_V=quantity(MARGIN).of(closing),
+                least_V=float(np.nanmin(values)),
+                held_V=float(closing.held_V.mean()),
+            )
+        )
+    return tuple(found)
+
+
+def hold_lines(holds: Sequence[Hold], level: float) -> list[str]:
+    """The best design's hold beside that of the references, and a warning where little is left; [] without any."""
+    if not holds:
+        return []
+    best, *others = holds
+    margin = with_interval(best.margin_V.estimate, *best.margin_V.interval)
+    said = f"hold margin: {100.0 * level:g} % of the switches are held {margin} V or more above the voltage at which "
+    said += f"they let go, the least is {best.least_V:.2f} V ({best.held_V:.2f} V held)"
+    beside = [f"{h.name} {h.margin_V.estimate:.2f} V, the least {h.least_V:.2f} V" for h in others]
+    lines = ["; ".join([said, *beside])]
+    if best.least_V < SMALL * best.held_V:
+        lines.append(
+            f"WARNING: {best.name} holds one switch with only {best.least_V:.2f} V to spare of {best.held_V:.2f} V: "
+            "part of its softness may be bought with hold, which creep, charge and a sagging supply take away"
+        )
+    return lines
