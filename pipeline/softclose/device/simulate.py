@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softclose.device.status import Status as Status
+from softclose.glance import as_table, as_text
 from softclose.kernel import dispatch
 from softclose.population.lot import Lot
 from softclose.switch.losses import Losses
@@ -31,7 +32,7 @@ class SimulationError(ValueError):
     """Input that cannot be simulated."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Responses:
     """What every switch of an ensemble did under one waveform, in the order of the input.
 
@@ -90,6 +91,23 @@ class Responses:
                 found[name] = (("switch", *rest), values, {"units": unit, "long_name": meaning})
         time = {} if self.times_us is None else {"time": ("time", self.times_us, {"units": "µs"})}
         return xr.Dataset(found, coords=time)
+
+    def _lines(self) -> list[tuple[str, str]]:
+        v, n = np.asarray(self.max_contact_speed) * 100.0, len(self.max_contact_speed)
+        touched, failed = v[np.isfinite(v)], int(np.count_nonzero(self.status))
+        speeds = f"{np.median(touched):.2f} cm/s (median), {touched.max():.2f} at most" if touched.size else "–"
+        return [
+            ("touch", f"{touched.size:,} of {n:,}"),
+            ("closed at the end", f"{int(np.count_nonzero(self.closed)):,} of {n:,}"),
+            ("contact speed V", speeds),
+            *([("not integrated", f"{failed:,} of {n:,}")] if failed else []),
+        ]
+
+    def __repr__(self) -> str:
+        return as_text(f"Responses of {len(self.max_contact_speed):,} switches", self._lines())
+
+    def _repr_html_(self) -> str:
+        return as_table(f"Responses of {len(self.max_contact_speed):,} switches", self._lines())
 
 
 _UNTOLD: dict[str, Any] = {

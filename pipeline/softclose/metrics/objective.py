@@ -13,6 +13,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.glance import as_table, as_text, ranged
 from softclose.metrics import intervals, replicates
 from softclose.metrics.intervals import Interval, Proportion
 from softclose.metrics.joined import joint, reach
@@ -85,7 +86,7 @@ class Exceedance:
     """Its interval (`intervals.mean_interval`), 0 at least; open above where fewer than five draws exceed the limit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Assessment:
     """Eqs. 7-11 for one ensemble. Velocities in cm/s; intervals are (lower, upper)."""
 
@@ -154,6 +155,23 @@ class Assessment:
     """Largest share open up to which g ranks it."""
     warn_open: float
     """Largest share open that is told without a warning."""
+
+    def _lines(self) -> list[tuple[str, str]]:
+        low, high = (100.0 * end for end in self.p_nc_intervals.wilson)
+        if not self.intervals_valid:
+            low = high = math.nan
+        return [
+            ("upper velocity v_u", ranged(self.v_u_cm_s, *self.v_u_interval, "cm/s")),
+            ("left open", ranged(100.0 * self.p_nc, low, high, "%")),
+            ("mean speed", ranged(self.mean_cm_s, *self.mean_interval, "cm/s")),
+            ("objective g", ranged(self.g_cm_s, *self.g_interval, "cm/s")),
+        ]
+
+    def __repr__(self) -> str:
+        return as_text(f"Assessment on {self.n:,} switches", self._lines())
+
+    def _repr_html_(self) -> str:
+        return as_table(f"Assessment on {self.n:,} switches", self._lines())
 
     @property
     def open_warning(self) -> str:

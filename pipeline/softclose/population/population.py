@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.glance import as_table, as_text
 from softclose.metrics.replicates import REPLICATES
 from softclose.population import copula
 from softclose.population.copula import Correlation
@@ -33,7 +34,7 @@ VARIABLES = ("D", "G", "E", "T")
 _N_MOMENTS = 2**14
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Population:
     """Joint distribution of the parameters of a switch."""
 
@@ -100,6 +101,22 @@ class Population:
         if self.formula is not None:
             return self.formula.law
         return LAWS[next(pair for pair in LAWS if all(getattr(self, v) is not None for v in pair))]
+
+    def _lines(self) -> list[tuple[str, str]]:
+        units = {"D": "µm", "G": "µm", "T": "µm", "E": "GPa", "K": "N/m", "M": "µg", "f": "kHz", "U_pi": "V"}
+        found = []
+        for name in self.variables:
+            marginal = getattr(self, name)
+            found.append(
+                (name, f"{marginal.lower:.4g}–{marginal.upper:.4g} {units.get(name, '')}, mean {marginal.mean:.4g}")
+            )
+        return found
+
+    def __repr__(self) -> str:
+        return as_text(f"Population {self.name}", self._lines())
+
+    def _repr_html_(self) -> str:
+        return as_table(f"Population {self.name}", self._lines())
 
     @property
     def variables(self) -> tuple[str, ...]:

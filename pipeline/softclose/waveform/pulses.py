@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.glance import as_table
+
 FloatArray = NDArray[np.float64]
 
 MIN_RISE_US = 4.0
@@ -106,7 +108,7 @@ class Pulse:
         return self.volts * u
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@dataclass(frozen=True, slots=True, init=False, repr=False)
 class Waveform:
     """Eq. 12: the sum of one or more pulses."""
 
@@ -123,6 +125,23 @@ class Waveform:
             if not isinstance(pulse, Pulse):
                 raise WaveformError(f"a waveform is made of Pulse objects; got {type(pulse).__name__}")
         object.__setattr__(self, "pulses", pulses)
+
+    def __repr__(self) -> str:
+        """What makes it again, in microseconds and volts."""
+        rows = ", ".join(f"[{', '.join(f'{v:.6g}' for v in row)}]" for row in self.rows().tolist())
+        return f"Waveform.from_rows([{rows}])"
+
+    def _repr_html_(self) -> str:
+        lines = [
+            (
+                f"pulse {number}",
+                f"{p.volts:.2f} V from {p.start_us:.2f} µs, "
+                + (f"rise {p.rise_us:.2f} µs, " if p.rise_us else "ideal step, ")
+                + ("holds" if math.isinf(p.peak_us) else f"flat top {p.peak_us:.2f} µs"),
+            )
+            for number, p in enumerate(self.pulses, start=1)
+        ]
+        return as_table(f"Waveform of {len(lines)} pulse{'s' * (len(lines) != 1)}", lines)
 
     @classmethod
     def from_rows(cls, rows: Sequence[Sequence[float | None]] | FloatArray) -> Waveform:

@@ -136,7 +136,7 @@ def request_of(attributes: Mapping[str, Any]) -> Request:
 def write_certificate(path: str, result: Certification, lot: Lot | None) -> None:
     """Store the per-switch results, from which everything else follows, and the figures beside them for any reader.
 
-    lot: the fresh switches, whose properties are stored too: a reader need not know how they are drawn; None where they
+    lot: the new switches, whose properties are stored too: a reader need not know how they are drawn; None where they
     are devices of which nobody knows them.
     """
     designs = [*result.candidates, *result.references]

@@ -1,8 +1,8 @@
 """What the commands do, from Python: `from softclose_workflows import api`.
 
 Every function takes a store's path or URL, or what `run` returned, and gives back an object with a short `repr`, a
-table in a notebook (`_repr_html_`) and the numbers themselves (`value`, `rows`, `to_frame()`). Names are
-imported on first use.
+table in a notebook (`_repr_html_`), the numbers themselves (`value`, `rows`, `to_frame()`) and, where its command
+draws one, the figure (`plot()`). Names are imported on first use.
 """
 
 from __future__ import annotations
@@ -22,8 +22,27 @@ if TYPE_CHECKING:
     from softclose_workflows.api.campaigns import run as run
     from softclose_workflows.api.campaigns import sensitivity as sensitivity
     from softclose_workflows.api.campaigns import tolerance as tolerance
+    from softclose_workflows.api.judging import assess as assess
+    from softclose_workflows.api.judging import compare as compare
+    from softclose_workflows.api.judging import compare_engines as compare_engines
+    from softclose_workflows.api.judging import sign as sign
     from softclose_workflows.api.results import CampaignRun as CampaignRun
     from softclose_workflows.api.results import Result as Result
+    from softclose_workflows.api.robustness import drift as drift
+    from softclose_workflows.api.robustness import propagate as propagate
+    from softclose_workflows.api.robustness import tails as tails
+    from softclose_workflows.api.series import reproduce as reproduce
+    from softclose_workflows.api.series import study as study
+    from softclose_workflows.api.showing import export as export
+    from softclose_workflows.api.showing import figures as figures
+    from softclose_workflows.api.showing import opening as opening
+    from softclose_workflows.api.showing import pareto as pareto
+    from softclose_workflows.api.showing import serve as serve
+    from softclose_workflows.api.stores import populations as populations
+    from softclose_workflows.api.stores import status as status
+    from softclose_workflows.api.stores import submit as submit
+    from softclose_workflows.api.stores import tls as tls
+    from softclose_workflows.api.stores import verify as verify
 
 _HOME = {
     "Bench": "bench",
@@ -39,18 +58,56 @@ _HOME = {
     "run": "campaigns",
     "sensitivity": "campaigns",
     "tolerance": "campaigns",
+    "sign": "judging",
+    "assess": "judging",
+    "compare": "judging",
+    "compare_engines": "judging",
+    "tails": "robustness",
+    "drift": "robustness",
+    "propagate": "robustness",
+    "figures": "showing",
+    "export": "showing",
+    "pareto": "showing",
+    "opening": "showing",
+    "serve": "showing",
+    "status": "stores",
+    "populations": "stores",
+    "verify": "stores",
+    "submit": "stores",
+    "tls": "stores",
+    "study": "series",
+    "reproduce": "series",
 }
 
-__all__ = [  # noqa: RUF022 - the order a reader meets them in
+__all__ = [  # noqa: RUF022 - the order a reader meets them in, that of `softclose --help`
+    "populations",
+    "calibrate",
     "run",
     "resume",
+    "submit",
+    "status",
     "open_run",
     "certify",
+    "sign",
+    "assess",
     "rescore",
+    "compare",
+    "compare_engines",
+    "report",
+    "serve",
+    "figures",
+    "export",
+    "pareto",
+    "opening",
     "tolerance",
     "sensitivity",
-    "calibrate",
-    "report",
+    "tails",
+    "drift",
+    "propagate",
+    "reproduce",
+    "study",
+    "verify",
+    "tls",
     "Bench",
     "Suggestion",
     "CampaignRun",

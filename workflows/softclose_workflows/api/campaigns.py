@@ -197,6 +197,7 @@ def certify(
         title=f"{path} on {found.n_switches:,} new switches",
         rows=rows,
         notes=(*warned(found.best.assessment), *hold_lines(holds, found.best.assessment.level)),
+        figure=lambda: CampaignRun(path).plot("densities"),
     )
 
 

@@ -5,21 +5,28 @@ from __future__ import annotations
 import html
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from softclose.metrics.objective import Assessment
 from softclose.waveform import Waveform
 from softclose_store import Campaign, open_campaign
+from softclose_store import path_text as path_text
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing, read_standing
 from softclose_workflows.tell.tables import beside, describe_waveform, n_failed_of, share
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
+
+    from softclose.metrics.paired import Comparison
 
 T = TypeVar("T")
+
+Store = str | os.PathLike[str]
+"""A path, a URL, or what `run` returned."""
 
 MOST_ROWS = 10
 """Rows that are shown; `rows` and `to_frame()` have all."""
@@ -37,6 +44,18 @@ class Result(Generic[T]):
     """One mapping of plain values a row: name with its unit -> value."""
     notes: tuple[str, ...] = ()
     """What a reader should know beside the table."""
+    figure: Callable[[], Figure] | None = None
+    """What `plot` draws; None where the analysis has no figure."""
+
+    def plot(self) -> Figure:
+        """The command's own figure, by matplotlib. Raises ValueError where it has none: plot `to_frame()`."""
+        if self.figure is None:
+            raise ValueError(f"{self.title}: there is no figure of this; plot what to_frame() gives")
+        from softclose_workflows.figures.saving import shown
+        from softclose_workflows.figures.style import style
+
+        with style():
+            return shown(self.figure())
 
     def to_frame(self) -> pd.DataFrame:
         """The rows as a pandas frame; pandas is asked for here only."""
@@ -97,6 +116,24 @@ class CampaignRun(os.PathLike[str]):
             raise ValueError(f"{self.store} has no usable candidate yet: let the campaign run first")
         return Waveform.from_rows(best.waveform)
 
+    def plot(self, name: str = "response") -> Figure:
+        """One of the figures that `softclose figures` writes, by its name: response, histogram, convergence, …
+
+        Raises ValueError for an unknown name, and where the store has nothing for it.
+        """
+        from softclose_workflows.figures.drawing import FIGURES
+        from softclose_workflows.figures.saving import shown
+        from softclose_workflows.figures.style import style
+        from softclose_workflows.report.gather import gather
+
+        if name not in FIGURES:
+            raise ValueError(f"{name!r} is no figure; there are {', '.join(FIGURES)}")
+        with style():
+            drawn = FIGURES[name](gather(self.store, learned=name.startswith("dependence"), picks=False))
+        if drawn is None:
+            raise ValueError(f"{self.store} has nothing to draw in {name!r} yet")
+        return shown(drawn)
+
     def __repr__(self) -> str:
         return "\n".join(self._lines())
 
@@ -128,6 +165,14 @@ def metrics(a: Assessment) -> dict[str, float]:
         "mean V [cm/s]": a.mean_cm_s,
         "p_nc": a.p_nc,
     }
+
+
+def differences_rows(found: Sequence[tuple[str, str, Comparison]]) -> list[str]:
+    """A sentence a difference of two campaigns on the same switches."""
+    return [
+        f"{label} against {first}: v_u {c.v_u_cm_s:+.2f} cm/s, left open {100.0 * c.p_nc:+.2f} points"
+        for label, first, c in found
+    ]
 
 
 def warned(*assessments: Assessment) -> tuple[str, ...]:

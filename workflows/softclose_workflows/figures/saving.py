@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,3 +33,15 @@ def save(figure: Figure, path: str | Path, option: str = "--figure") -> None:
     form = target.suffix.removeprefix(".").lower()
     with style(), whole_file(target, option) as partial:
         figure.savefig(partial, format=form, metadata=METADATA[form])
+
+
+def shown(figure: Figure) -> Figure:
+    """The same figure, which a notebook shows by itself: pyplot, which would, is not asked to draw ours."""
+
+    def png() -> bytes:
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=100)
+        return buffer.getvalue()
+
+    setattr(figure, "_repr_png_", png)  # noqa: B010 - matplotlib's type has no such name
+    return figure

@@ -1,0 +1,235 @@
+"""Owns, from Python, what shows a campaign: figures, export, pareto, opening, serve."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from softclose.settings import CampaignConfig
+from softclose.waveform import Waveform
+from softclose_store import open_campaign
+from softclose_workflows.analyses.chosen import choose
+from softclose_workflows.api.results import Result, Store, path_text
+from softclose_workflows.errors import ExportError
+from softclose_workflows.run.executors.placement import n_cores
+from softclose_workflows.tell.outputs import check_file, write_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from softclose.opening import Openings
+    from softclose.settings.search import FrontObjective
+    from softclose_workflows.report.live import Server
+
+
+def figures(
+    store: Store, folder: str | os.PathLike[str], *, formats: Sequence[str] = ("png",), only: Sequence[str] = ()
+) -> list[Path]:
+    """Write the figures of a campaign for publication, as `softclose figures`.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    folder
+        Where to; it is made where it is missing.
+    formats
+        png, svg, pdf.
+    only
+        Names of figures; by default all that the store has something for.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+    """
+    from softclose_workflows.figures.writing import write_figures
+    from softclose_workflows.report.gather import gather
+
+    learned = not only or any(name.startswith("dependence") for name in only)
+    data = gather(path_text(store), learned=learned, picks=False)
+    return [Path(path) for path in write_figures(data, os.fspath(folder), formats, only)]
+
+
+def export(
+    store: Store,
+    what: Literal["waveform", "ensemble", "history", "trim"],
+    output: str | os.PathLike[str] | None = None,
+    *,
+    candidate: int | None = None,
+    rate_MSps: float = 10.0,
+    trajectories: bool = False,
+    rows: int = 41,
+) -> xr.Dataset | str:
+    """What `softclose export` writes, as a dataset (ensemble, history) or as the text of a CSV file (waveform, trim).
+
+    Files for generators are written by the command: they need its many options.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    what
+        waveform: volts over time; ensemble: every switch of one candidate; history: one row a candidate; trim: scales
+        of the drive for what is measured on a switch.
+    output
+        A file to write it to as well: .csv, .parquet or .nc of a dataset, any name of a text.
+    candidate
+        By default the best certified one.
+    rate_MSps
+        waveform: samples per µs.
+    trajectories
+        ensemble: x(t), v(t) and the impacts of every switch, too.
+    rows
+        trim: values of each measured quantity.
+
+    Returns
+    -------
+    xarray.Dataset or str
+        The exported values.
+
+    Raises
+    ------
+    ExportError
+        For something else than these four.
+    """
+    from softclose_workflows.exports.samples import sample_times_us, volts_csv
+    from softclose_workflows.exports.tables import ensemble_dataset, history_dataset, write_dataset
+    from softclose_workflows.exports.trim import grid_table
+
+    target = None if output is None else check_file(os.fspath(output), "output")
+    path = path_text(store)
+    campaign = open_campaign(path)
+    if what in ("history", "ensemble"):
+        dataset = (
+            history_dataset(campaign)
+            if what == "history"
+            else ensemble_dataset(campaign, choose(path, candidate).candidate, trajectories=trajectories)
+        )
+        if target is not None:
+            form = {".nc": "netcdf", ".parquet": "parquet"}.get(target.suffix, "csv")
+            write_dataset(dataset, target, form)
+        return dataset
+    if what not in ("waveform", "trim"):
+        raise ExportError(f"{what!r} is nothing to export; give waveform, ensemble, history or trim")
+    config = CampaignConfig.from_dict(campaign.config)
+    drive = Waveform.from_rows(campaign.waveform(choose(path, candidate).candidate))
+    text = (
+        volts_csv(drive, sample_times_us(rate_MSps, config.model.horizon_us))
+        if what == "waveform"
+        else grid_table(config, drive, rows)
+    )
+    if target is not None:
+        write_text(target, text, "output")
+    return text
+
+
+def pareto(store: Store, objectives: Sequence[FrontObjective] = ()) -> Result[dict[str, Any]]:
+    """List the candidates that no other beats in all objectives at once, as `softclose pareto`; `plot()` draws them.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    objectives
+        Two to four of v_u, p_nc, closing and peak; by default the campaign's own.
+
+    Returns
+    -------
+    Result
+        One row a candidate of the front.
+    """
+    from softclose_workflows.analyses.front import front_to_json
+
+    found = front_to_json(path_text(store), tuple(objectives))
+    names = [name for name in found["front"][0] if not name.endswith("_interval") and name != "waveform"]
+    rows = [{name: row[name] for name in names} for row in found["front"]]
+    title = f"{path_text(store)}: {len(rows)} candidates on the front of {' and '.join(found['objectives'])}"
+    return Result(value=found, title=title, rows=rows, figure=lambda: _front_figure(rows, found["objectives"]))
+
+
+def _front_figure(rows: Sequence[dict[str, Any]], objectives: Sequence[str]) -> Any:
+    from matplotlib.figure import Figure
+
+    from softclose_workflows.figures.style import style
+
+    columns = {"v_u": "v_u_cm_s", "p_nc": "p_nc", "closing": "closing_us", "peak": "peak_volts"}
+    y, x = (columns[name] for name in objectives[:2])
+    with style():
+        figure = Figure(layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot([row[x] for row in rows], [row[y] for row in rows], "o-")
+        axes.set_xlabel(x)
+        axes.set_ylabel(y)
+    return figure
+
+
+def opening(
+    store: Store, *, at_us: float | None = None, brake: int = 0, n_switches: int = 10_000, candidate: int | None = None
+) -> Result[Openings]:
+    """Show how the switches open at release, as `softclose opening`; `plot()` draws their motion.
+
+    Parameters
+    ----------
+    store
+        Path, URL, or what `run` returned.
+    at_us
+        When the holding pulse begins to fall [µs]; by default as the campaign designs it.
+    brake
+        Brakes to try; 0: none is designed.
+    n_switches
+        New switches.
+    candidate
+        By default the best certified one.
+
+    Returns
+    -------
+    Result
+        One row without, one with a brake.
+    """
+    from softclose_workflows.analyses.opening import opening as analyse
+    from softclose_workflows.figures.opening import draw_opening
+
+    path = path_text(store)
+    found = analyse(
+        path, at_us=at_us, candidate=candidate, brake=brake, n_switches=n_switches, threads=n_cores(), listener=None
+    )
+    o = found.openings
+    rows = [
+        {
+            "release": name,
+            "overshoot [travels]": each.overshoot,
+            "touch again": each.p_rebound.estimate,
+            "stuck closed": each.p_stuck.estimate,
+            "settled after [µs]": each.settling_us,
+        }
+        for name, each in (("the holding pulse falls", o.plain), ("with a brake", o.braked))
+        if each is not None
+    ]
+    title = f"{path}, candidate {found.chosen.candidate}, released at {o.at_us:g} µs: {o.plain.n:,} closed switches"
+    return Result(value=o, title=title, rows=rows, figure=lambda: draw_opening(o, title))
+
+
+def serve(folder: str | os.PathLike[str], port: int = 0) -> Server:
+    """Show all campaigns of a folder in the browser, as `softclose serve`, until `shutdown()` of what is returned.
+
+    Parameters
+    ----------
+    folder
+        What the stores are in, or a store.
+    port
+        Of this machine's loopback; 0: any that is free.
+
+    Returns
+    -------
+    Server
+        It runs already; its `address` is where.
+    """
+    from softclose_workflows.report.live import Server
+
+    server = Server(Path(folder).absolute(), port)
+    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True).start()
+    return server
