@@ -1,6 +1,6 @@
 """Owns g alone, without what `assess` says around it: for a search that asks for thousands of values and no interval.
 
-A tenth of the time of an assessment, and the same bits.
+A tenth of the time of an assessment, and bit-identical to it.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Prior:
     def values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
         """g of each waveform, on the first `n_switches` or all of the prior's.
 
-        A model's own word makes it NaN. Raises PriorError for whatever else the model raises.
+        A deterministic failure of the model makes it NaN. Raises PriorError for whatever else the model raises.
         """
         g = np.full(len(waveforms), np.nan)
         objective = self.config.objective

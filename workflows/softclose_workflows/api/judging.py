@@ -11,7 +11,8 @@ from softclose_workflows.analyses.assessed_trace import AssessedTrace, assess_tr
 from softclose_workflows.analyses.signing import Sheet, parsed_limits
 from softclose_workflows.analyses.signing import sign as held
 from softclose_workflows.api.results import Result, Store, differences_rows, metrics, path_text, warned
-from softclose_workflows.run.executors.placement import n_cores
+from softclose_workflows.run.crew import open_crew
+from softclose_workflows.run.executors import Placement
 
 if TYPE_CHECKING:
     from softclose_workflows.analyses.engines import Compared
@@ -87,7 +88,8 @@ def assess(
         The drive, and the best waveform of a store on the same switches.
     """
     drive = trace if isinstance(trace, Trace) else read_trace(os.fspath(trace))
-    found = assess_trace(path_text(source), drive, n_switches=n_switches, seed=seed, threads=n_cores())
+    with open_crew(Placement()) as crew:
+        found = assess_trace(path_text(source), drive, n_switches=n_switches, seed=seed, mapper=crew)
     rows = [{"drive": "as recorded", **metrics(found.assessment)}]
     if found.best is not None and found.best_assessment is not None:
         rows.append({"drive": f"candidate {found.best.candidate}", **metrics(found.best_assessment)})

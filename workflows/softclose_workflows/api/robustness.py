@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from softclose_store import open_campaign
 from softclose_workflows.analyses.chosen import Chosen
 from softclose_workflows.api.results import Result, Store, metrics, path_text
-from softclose_workflows.run.executors.placement import n_cores
+from softclose_workflows.run.crew import open_crew
+from softclose_workflows.run.executors import Placement
 
 if TYPE_CHECKING:
     from softclose.uncertainty.devices import Propagated
@@ -57,14 +58,15 @@ def tails(
 
     path = path_text(store)
     config = CampaignConfig.from_dict(open_campaign(path).config)
-    chosen, found = analyse(
-        path,
-        questions(limits_cm_s or config.objective.limits_cm_s, left_open),
-        candidate=candidate,
-        methods=methods or (METHODS if find_spec("openturns") else METHODS[:1]),
-        n_switches=n_switches,
-        threads=n_cores(),
-    )
+    with open_crew(Placement()) as crew:
+        chosen, found = analyse(
+            path,
+            questions(limits_cm_s or config.objective.limits_cm_s, left_open),
+            candidate=candidate,
+            methods=methods or (METHODS if find_spec("openturns") else METHODS[:1]),
+            n_switches=n_switches,
+            mapper=crew,
+        )
     rows = [
         {
             "failure": question.words,
@@ -114,7 +116,8 @@ def drift(
     from softclose_workflows.figures.drifting import draw_drift
 
     path = path_text(store)
-    chosen, found = analyse(path, kind, values, candidate=candidate, n_switches=n_switches, threads=n_cores())
+    with open_crew(Placement()) as crew:
+        chosen, found = analyse(path, kind, values, candidate=candidate, n_switches=n_switches, mapper=crew)
     rows = [{"drift": r.drift, **metrics(r.assessment)} for r in found.rows]
     title = _title(path, chosen, f"pull-in voltages drifting by {kind}")
     return Result(
@@ -159,17 +162,18 @@ def propagate(
     from softclose_workflows.analyses.devices import propagate as run
 
     path = path_text(store)
-    chosen, found, notes = run(
-        path,
-        os.fspath(measurements),
-        columns={},
-        candidate=candidate,
-        bounds=dict(bounds or {}),
-        n_lots=n_lots,
-        n_switches=n_switches,
-        seed=seed,
-        threads=n_cores(),
-    )
+    with open_crew(Placement()) as crew:
+        chosen, found, notes = run(
+            path,
+            os.fspath(measurements),
+            columns={},
+            candidate=candidate,
+            bounds=dict(bounds or {}),
+            n_lots=n_lots,
+            n_switches=n_switches,
+            seed=seed,
+            mapper=crew,
+        )
     a = found.assessment
     figures = {
         "v_u_cm_s": (a.v_u_cm_s, a.v_u_interval),

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from softclose_workflows.api.results import Result, metrics
 from softclose_workflows.run.executors import Placement
-from softclose_workflows.run.executors.placement import n_cores
 
 if TYPE_CHECKING:
     from softclose_workflows.studies.reproduced import Row
@@ -52,9 +51,7 @@ def study(
     from softclose_workflows.studies.study import run_study
     from softclose_workflows.studies.study_file import load_study
 
-    effort = Effort(
-        n_switches=n_switches, top=top, placement=Placement(serial=serial), threads=n_cores(), quiet=True, at_once=1
-    )
+    effort = Effort(n_switches=n_switches, top=top, placement=Placement(serial=serial), quiet=True, at_once=1)
     asked = load_study(source, tuple(settings))
     found = run_study(asked, os.fspath(out), effort)
     rows = [
@@ -94,7 +91,6 @@ def reproduce(
         n_switches=QUICK_SWITCHES if quick else 100_000,
         top=3 if quick else 10,
         placement=Placement(serial=serial),
-        threads=n_cores(),
         quiet=True,
         at_once=1,
     )

@@ -14,7 +14,8 @@ from softclose_store import open_campaign
 from softclose_workflows.analyses.chosen import choose
 from softclose_workflows.api.results import Result, Store, path_text
 from softclose_workflows.errors import ExportError
-from softclose_workflows.run.executors.placement import n_cores
+from softclose_workflows.run.crew import open_crew
+from softclose_workflows.run.executors import Placement
 from softclose_workflows.tell.outputs import check_file, write_text
 
 if TYPE_CHECKING:
@@ -194,9 +195,10 @@ def opening(
     from softclose_workflows.figures.opening import draw_opening
 
     path = path_text(store)
-    found = analyse(
-        path, at_us=at_us, candidate=candidate, brake=brake, n_switches=n_switches, threads=n_cores(), listener=None
-    )
+    with open_crew(Placement()) as crew:
+        found = analyse(
+            path, at_us=at_us, candidate=candidate, brake=brake, n_switches=n_switches, mapper=crew, listener=None
+        )
     o = found.openings
     rows = [
         {

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 
 class Task(Protocol):
-    """A piece of work that any process can do: it can be pickled, and doing it twice gives the same bits."""
+    """A piece of work that any process can do: it can be pickled, and doing it twice gives bit-identical results."""
 
     @property
     def name(self) -> str:
