@@ -154,6 +154,7 @@ ENGINES = Plugin(
         "direct": "softclose.propose.direct:DirectEngine",
         "cmaes": "softclose.propose.cmaes:CmaesEngine",
         "botorch": "softclose.propose.botorch:BotorchEngine",
+        "parego": "softclose.propose.parego:ParegoEngine",
         "nsga2": "softclose.propose.nsga2:Nsga2Engine",
     },
     error=EngineError,

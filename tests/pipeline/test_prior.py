@@ -17,7 +17,7 @@ from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
 from softclose.propose import prior as prior_module
 from softclose.propose.correction import Scale, trend
-from softclose.propose.led import COUNTS_AS, TOO_SURE, too_sure
+from softclose.propose.deviation import COUNTS_AS, TOO_SURE, too_sure
 from softclose.propose.plan import plan
 from softclose.propose.prior import Prior, prior_config
 from softclose.propose.prior_basins import find_basins

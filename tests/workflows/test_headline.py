@@ -18,7 +18,7 @@ from softclose_workflows.analyses.distinct import distinct, last_change_us
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.report.drive_picture import drive_picture
 from softclose_workflows.report.gather import gather
-from softclose_workflows.report.headline import headline
+from softclose_workflows.report.headline import found_by, headline
 from softclose_workflows.report.health import Check, health
 from softclose_workflows.report.page import render_report
 from softclose_workflows.tell import labels
@@ -154,6 +154,37 @@ def test_a_surrogate_that_is_surer_than_it_should_be_is_told(data: ReportData) -
     wide = dataclasses.replace(left, sd_cm_s=left.sd_cm_s * 0.0 + 1e9)
     changed = dataclasses.replace(data, dependence=dataclasses.replace(data.dependence, left_out=wide))
     assert checks(changed)["Surrogate"].good
+
+
+def test_the_first_screen_says_what_the_prior_promised_and_health_how_sure_the_process_was(data: ReportData) -> None:
+    assert data.best is not None
+    many = {name: np.resize(values, 40) for name, values in data.candidates.columns.items()}
+    many["g_cm_s"] = 15.0 + np.resize([0.05, 0.15, 0.05, 0.15, 0.05, 0.05, 0.15, 0.05, 0.05, 0.35], 40)
+
+    def told(deviation: float) -> ReportData:
+        said = {"prior_g_cm_s": np.full(40, 14.5), "predicted_g_cm_s": np.full(40, 15.0)}
+        said["predicted_sd_cm_s"] = np.full(40, deviation)
+        failed = np.zeros(40, dtype=bool)
+        sizes = np.full(40, data.candidates.n_switches[0])
+        candidates = dataclasses.replace(
+            data.candidates,
+            surrogate=said,
+            columns=many,
+            failed=failed,
+            n_switches=sizes,
+            origin=("trust-region",) * 40,
+        )
+        return dataclasses.replace(data, candidates=candidates)
+
+    text = found_by(told(0.1))
+    assert "had promised g = 14.50 cm/s of it, the process expected 15.00 ± 0.10 cm/s" in text
+    for deviation, good in ((0.1, True), (0.02, False), (1.0, False)):
+        check = checks(told(deviation))["Deviations"]
+        assert check.good is good, check.said
+    shares = f"{labels.percent(0.6, 0)} came within one and {labels.percent(0.9, 0)} within two"
+    assert shares in checks(told(0.1))["Deviations"].said
+    assert "promised" not in found_by(data)
+    assert "Deviations" not in checks(data)  # eight candidates
 
 
 def test_equally_good_optima_are_told_from_one_that_stands_alone(data: ReportData) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from softclose.metrics.ranking import levelled
 from softclose.propose.correction import Correction, Known, Looks
 from softclose.propose.descents import strategy
+from softclose.propose.deviation import FACTOR, PREDICTED, PREDICTED_SD, too_sure
 from softclose.propose.inputs import SWING
 from softclose.propose.origins import BASIN, FALLBACK, LOCAL
 from softclose.propose.promises import Basins
@@ -27,11 +28,8 @@ from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
 
-PRIOR_G, PREDICTED, PREDICTED_SD = "prior_g_cm_s", "predicted_g_cm_s", "predicted_sd_cm_s"
-"""What every proposal of a campaign with a prior says: the prior's g, the process's mean and its deviation [cm/s]."""
-
-FACTOR = "deviation_factor"
-"""What the deviation was multiplied with: by how much the process was too sure so far."""
+PRIOR_G = "prior_g_cm_s"
+"""What every proposal of a campaign with a prior says: the prior's g [cm/s]."""
 
 GENERATION = 12
 """Points of a generation of a search."""
@@ -44,10 +42,6 @@ WORST = 100.0
 
 WIDTHS = (0.0, 0.5, 1.0, 2.0)
 """Standard deviations below the mean that the searches of a region go for, in turn: sure ones and curious ones."""
-
-TOO_SURE, COUNTS_AS, LAST, FARTHEST = 1.5, 8, 40, 4.0
-"""A deviation is multiplied with the root mean square of the last errors, in deviations, none counted as more than
-FARTHEST, held at TOO_SURE as if by COUNTS_AS earlier ones."""
 
 
 class _Search:
@@ -252,18 +246,6 @@ def _search(
             taken = np.vstack([taken, looks.points[place]])
             looks.believe(place)
     return found
-
-
-def too_sure(records: Sequence[Observation]) -> float:
-    """By how much deviations have been too small so far: root mean square error, in deviations as the process has
-    them, of the last candidates that it predicted."""
-    errors = [
-        min(abs(o.g_cm_s - o.beliefs[PREDICTED]) * o.beliefs[FACTOR] / o.beliefs[PREDICTED_SD], FARTHEST)
-        for o in records
-        if o.beliefs.get(PREDICTED_SD, 0.0) > 0.0 and FACTOR in o.beliefs
-    ][-LAST:]
-    squares = COUNTS_AS * TOO_SURE**2 + sum(e * e for e in errors)
-    return math.sqrt(squares / (COUNTS_AS + len(errors)))
 
 
 def _hyperparameters(problem: Problem, correction: Correction) -> dict[str, float]:

@@ -13,6 +13,7 @@ CMAES = "cmaes"
 DIRECT = "direct"
 BOTORCH = "botorch"
 NSGA2 = "nsga2"
+PAREGO = "parego"
 PAPER_WIDEN, PAPER_GRID, PAPER_SIMPLEX = "paper-widen", "paper-grid", "paper-simplex"
 SCOUT, EXPLORE = "explore-scout", "explore"
 RERANK, POLISH, EXTRA = "finish-rerank", "finish-polish", "finish-extra"
@@ -52,6 +53,7 @@ ORIGINS: dict[str, Origin] = {
         Origin(name=DIRECT, stage="search", group="everywhere", label="DIRECT"),
         Origin(name=BOTORCH, stage="search", group="everywhere", label="BoTorch"),
         Origin(name=NSGA2, stage="search", group="descents", label="NSGA-II, v_u against p_nc"),
+        Origin(name=PAREGO, stage="search", group="around the best", label="Gaussian process, one weighting"),
         Origin(name=PAPER_WIDEN, stage="search", group="start", label="published procedure: width of pulse 1"),
         Origin(name=PAPER_GRID, stage="search", group="start", label="published procedure: grid", designed=True),
         Origin(name=PAPER_SIMPLEX, stage="search", group="around the best", label="published procedure: simplex"),

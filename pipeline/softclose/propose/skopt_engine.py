@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.propose.design import design_point
+from softclose.propose.deviation import FACTOR, PREDICTED, PREDICTED_SD, too_sure
 from softclose.propose.inputs import SWING
 from softclose.propose.origins import FALLBACK, LOCAL, POLISH, RESTART, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, search_history
@@ -93,7 +94,8 @@ class SkoptEngine:
             return proposals(design(since, f"again{region.restarts}", region.restarts % 2), RESTART)
         draw = problem.generator("acquire", wave.start)
         try:
-            points, beliefs = _acquire(problem, data, region, pending, wave.size, draw)
+            factor = too_sure([o for o in search if o.usable])
+            points, beliefs = acquire(problem, data, region, pending, wave.size, draw, factor)
         except (np.linalg.LinAlgError, ValueError, FloatingPointError) as e:
             best = data.points[int(np.argmin(data.g))]
             near = best + 0.25 * region.length * draw.standard_normal((wave.size, space.dim))
@@ -116,7 +118,7 @@ def polish(problem: Problem, wave: Wave, finished: Sequence[Observation], pendin
     region = replace(region, incumbent=int(np.argmin(data.g)), begin=0)
     draw = problem.generator("polish", wave.start)
     try:
-        return _acquire(problem, data, region, pending, wave.size, draw)[0]
+        return acquire(problem, data, region, pending, wave.size, draw)[0]
     except (np.linalg.LinAlgError, ValueError, FloatingPointError):
         return nothing
 
@@ -135,17 +137,18 @@ def _rules(problem: Problem) -> TrustRegionRules:
     )
 
 
-def _acquire(
+def acquire(
     problem: Problem,
     data: SurrogateData,
     region: TrustRegion,
     pending: Sequence[Waveform],
     n: int,
     draw: np.random.Generator,
+    factor: float = 1.0,
 ) -> tuple[FloatArray, list[Beliefs]]:
     """(n, d) points of largest expected improvement, each with those before it taken on trust: over a few thousand
     admissible points, then around the best of them."""
-    from softclose.propose.surrogate import Screened, fit, logarithmic, surrogate_inputs
+    from softclose.propose.surrogate import Screened, fit, logarithmic, of_logarithm, surrogate_inputs
 
     space, settings = problem.space, problem.config.optimiser
     y, per_cm_s = logarithmic(data.g)
@@ -198,12 +201,14 @@ def _acquire(
             )
             i = next(fresh)
             mean, sd = screened.predict(None)
+            expected, deviation = of_logarithm(data.g, mean[i : i + 1], factor * sd[i : i + 1])
             beliefs.append(
                 common
                 | {
                     "expected_improvement_cm_s": float(max(values[i], 0.0) / per_cm_s),
-                    "predicted_std_cm_s": float(sd[i] / per_cm_s),
-                    "predicted_change_cm_s": float((mean[i] - target) / per_cm_s),
+                    PREDICTED: float(expected[0]),
+                    PREDICTED_SD: float(deviation[0]),
+                    FACTOR: factor,
                     "trust_region_length": region.length,
                 }
             )

@@ -161,20 +161,33 @@ def logarithmic(g: FloatArray) -> tuple[FloatArray, float]:
 
     What is far above the median says only "bad".
     """
+    best, scale, middle, spread = _of_logarithm(g)
+    return (np.log1p((g - best) / scale) - middle) / spread, 1.0 / (scale * spread)
+
+
+def of_logarithm(g: FloatArray, mean: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and standard deviation of g itself [cm/s] where `logarithmic(g)` is normal: those of a shifted lognormal."""
+    best, scale, middle, spread = _of_logarithm(g)
+    # Farther than this from the best nothing is told apart, and the exponentials would overflow.
+    m, s2 = np.clip(middle + spread * mean, -8.0, 8.0), np.minimum(spread * sd, 3.0) ** 2
+    grown = np.exp(m + 0.5 * s2)
+    return best + scale * (grown - 1.0), scale * grown * np.sqrt(np.expm1(s2))
+
+
+def _of_logarithm(g: FloatArray) -> tuple[float, float, float, float]:
+    """Best and width of the scale [cm/s], and what of its logarithm is 0 and 1."""
     best = float(g.min())
     scale = max(0.25 * (float(np.median(g)) - best), 1e-3)
-    return _standard(np.log1p((g - best) / scale), 1.0 / scale)
+    y = np.log1p((g - best) / scale)
+    return best, scale, float(y.mean()), max(float(y.std()), 1e-9)
 
 
 def clipped(g: FloatArray) -> tuple[FloatArray, float]:
     """g cut off as far above the median as the best is below it, its spread about 1, and how much of it is 1 cm/s."""
     best, middle = float(g.min()), float(np.median(g))
-    return _standard(np.minimum(g, max(middle + (middle - best), best + 1e-3)), 1.0)
-
-
-def _standard(y: FloatArray, unit: float) -> tuple[FloatArray, float]:
+    y = np.minimum(g, max(middle + (middle - best), best + 1e-3))
     spread = max(float(y.std()), 1e-9)
-    return (y - y.mean()) / spread, unit / spread
+    return (y - y.mean()) / spread, 1.0 / spread
 
 
 def fit(

@@ -25,10 +25,10 @@ class OptimiserSection:
     """Who proposes."""
 
     engine: Annotated[str, Field(min_length=1)] = "skopt"
-    """skopt, sobol, paper, direct, cmaes, botorch, nsga2 (a front of `objectives`), or an installed entry point of
-    group softclose.engines."""
+    """skopt, sobol, paper, direct, cmaes, botorch, parego and nsga2 (a front of `objectives`), or an installed entry
+    point of group softclose.engines."""
     objectives: tuple[FrontObjective, ...] = ("v_u", "p_nc")
-    """nsga2: what it weighs against each other, two to four of v_u, p_nc, closing (time) and peak (volts)."""
+    """parego, nsga2: what they weigh against each other, two to four of v_u, p_nc, closing (time) and peak (volts)."""
     n_initial: Annotated[int, Field(ge=2, le=MOST_IN_A_WAVE, strict=True)] = 20
     """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
     batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4

@@ -78,8 +78,27 @@ def found_by(data: ReportData) -> str:
     )
     return (
         f"Candidate {i} of {count(data.n_committed)}, proposed{' ' * bool(stage)}{stage} by: {label_of(origin)}. "
-        f"It was tuned on {count(int(data.candidates.n_switches[i]))} training switches."
+        f"It was tuned on {count(int(data.candidates.n_switches[i]))} training switches." + promised(data, i)
     )
+
+
+def promised(data: ReportData, i: int) -> str:
+    """What the prior had promised of a candidate, and what the process expected of it; empty where neither spoke."""
+    said = data.candidates.surrogate
+    prior, expected, deviation = (
+        float(said[name][i]) if name in said else math.nan
+        for name in ("prior_g_cm_s", "predicted_g_cm_s", "predicted_sd_cm_s")
+    )
+    if math.isnan(prior):
+        return ""
+    settings, came = data.config.prior, float(data.candidates.columns["g_cm_s"][i])
+    text = (
+        f" The prior ({settings.model} on {count(settings.n_switches)} switches) had promised g = {number(prior, 2)} "
+        "cm/s of it"
+    )
+    if not math.isnan(deviation):
+        text += f", the process expected {number(expected, 2)} ± {number(deviation, 2)} cm/s"
+    return f"{text}; it came to {number(came, 2)} cm/s on the training switches."
 
 
 def _failed(a: Assessment) -> list[str]:

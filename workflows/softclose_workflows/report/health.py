@@ -1,5 +1,5 @@
 """Owns the health checks of a campaign, in words: do intervals hold, is the budget used, do optima agree, does the
-surrogate foretell what it has not seen."""
+surrogate foretell what it has not seen, and did the process know how sure it was."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ SURE = 0.85
 """Least share of candidates within two standard deviations of what the surrogate foretells (a normal error: 0.95)."""
 
 
+FEWEST = 20
+"""Predictions below which their calibration says nothing."""
+LEAST_WITHIN_1, MOST_WITHIN_1, LEAST_WITHIN_2 = 0.55, 0.8, 0.85
+"""Shares within one and two stated deviations that need no attention."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
     """One check."""
@@ -36,7 +42,14 @@ def health(data: ReportData) -> list[Check]:
     """The checks that this campaign allows; [] where nothing has a result yet."""
     if data.best is None:
         return []
-    checks = (_intervals(data), _budget(data), _progress(data), _optima(data), _surrogate(data))
+    checks = (
+        _intervals(data),
+        _budget(data),
+        _progress(data),
+        _optima(data),
+        _surrogate(data),
+        _calibration(data),
+    )
     return [check for check in checks if check is not None]
 
 
@@ -106,3 +119,20 @@ def _surrogate(data: ReportData) -> Check | None:
         "its standard deviations."
     )
     return Check(name="Surrogate", good=left.share_inside >= SURE, said=said)
+
+
+def _calibration(data: ReportData) -> Check | None:
+    """What came of the candidates that the process proposed, in the deviations that it stated before."""
+    said, g = data.candidates.surrogate, data.candidates.columns["g_cm_s"]
+    if "predicted_sd_cm_s" not in said:
+        return None
+    error = np.abs(g - said["predicted_g_cm_s"]) / said["predicted_sd_cm_s"]
+    error = error[np.isfinite(error) & ~data.candidates.failed]
+    if error.size < FEWEST:
+        return None
+    one, two = float((error <= 1.0).mean()), float((error <= 2.0).mean())
+    text = (
+        f"Of {count(error.size)} candidates that the process proposed, {percent(one, 0)} came within one and "
+        f"{percent(two, 0)} within two of the standard deviations that it had stated (a normal error: 68 and 95 %)."
+    )
+    return Check(name="Deviations", good=LEAST_WITHIN_1 <= one <= MOST_WITHIN_1 and two >= LEAST_WITHIN_2, said=text)
