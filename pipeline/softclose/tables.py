@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -89,3 +89,44 @@ def check_keys(keys: Iterable[str], allowed: Iterable[str], where: str, error: t
     for key in keys:
         if key not in allowed:
             raise error(f"{where}unknown key {key!r}; {did_you_mean(key, allowed)}known: {', '.join(allowed)}")
+
+
+def toml_text(tables: Mapping[str, Any]) -> str:
+    """TOML that reads as these tables: numbers, texts, lists, tables, lists of tables. What is None is left out."""
+    return "\n".join(_lines_of(tables, "")).lstrip("\n") + "\n"
+
+
+def _lines_of(table: Mapping[str, Any], where: str) -> list[str]:
+    given = {k: v for k, v in table.items() if v is not None}
+    tables = {k: v for k, v in given.items() if isinstance(v, Mapping) or _is_tables(v)}
+    lines = [f"{k} = {_toml_value(v)}" for k, v in given.items() if k not in tables]
+    for key, value in tables.items():
+        path = f"{where}{key}"
+        if isinstance(value, Mapping):
+            lines += ["", f"[{path}]", *_lines_of(value, path + ".")]
+            continue
+        for each in value:
+            lines += ["", f"[[{path}]]", *_lines_of(each, path + ".")]
+    return lines
+
+
+def _is_tables(value: Any) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(v, Mapping) for v in value)
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return toml_string(value)
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0.0 else "-inf"
+    return repr(value)
+
+
+def toml_string(text: str) -> str:
+    """A text in TOML's quotes."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'

@@ -107,3 +107,51 @@ def test_sensitivity_gives_a_share_for_each_variable(store: str) -> None:
     assert "with interactions" in _run(*asked).stdout
     assert "power of 2" in _run("sensitivity", store, "--points", "17", code=2).stderr
     assert "not committed" in _run("sensitivity", store, "--candidate", "99", code=2).stderr
+
+
+CLOSING = "device,voltage_V,closing_time_us,second_contact_us\n"
+
+
+def test_dynamics_become_a_campaign_that_runs_the_fitted_switch(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from softclose import load_config
+    from softclose.identify.model import Model, predicted
+    from softclose.identify.own_campaign import model_of
+    from softclose.identify.readings import Reading
+
+    begun = model_of(load_config("current-two"))
+    switch, device = begun.at({"M": 1.15 * begun.switch[3], "restitution": 0.6})
+    truth = Model(switch=switch, device=device)
+    volts = (95.0, 105.0, 120.0)
+    first, second = (
+        predicted(truth.switch, truth.device, tuple(Reading(kind=kind, value=50.0, volts=u) for u in volts))
+        for kind in ("closing", "second contact")
+    )
+    contacts, statics, mine = tmp_path / "contacts.csv", tmp_path / "statics.csv", tmp_path / "mine.toml"
+    contacts.write_text(CLOSING + "".join(f"a,{u},{a},{b}\n" for u, a, b in zip(volts, first, second, strict=True)))
+    static = predicted(truth.switch, truth.device, (Reading(kind="pull-in", value=1.0),))
+    statics.write_text(f"device,pull_in_V\na,{static[0]}\n")
+    tables = [str(contacts), str(statics)]
+    asked = ["calibrate", *tables, "--of", "current-two", "-o", str(mine), "--starts", "1", "--error", "closing=0.01"]
+    text = _run(*asked).stdout
+    assert "K, M and force are not told apart" in text
+    assert "fix one of them where you know it (--fix K=VALUE)" in text
+    assert "closing at 95 V" in text
+    said = json.loads(_run(*asked, "--fix", "K", "--json").stdout)
+    assert said["fixed"]["K"] == pytest.approx(begun.switch[2])
+    value, low, high = said["parameters"]["restitution"]
+    assert low <= value <= high < 0.62
+    assert value == pytest.approx(0.6, abs=2e-3)
+    assert said["untold"] == []
+    assert said["files"] == [str(mine), str(tmp_path / "mine.lot.toml")]
+    again = model_of(load_config(mine))
+    assert again.device.restitution == pytest.approx(0.6, abs=2e-3)
+    assert again.switch[3] == pytest.approx(switch[3], rel=5e-3)
+    assert load_config(mine).explore == load_config("current-two").explore
+    own = {"restitution": 0.5, "plate_area_um2": 16_700.0}
+    assert replace(load_config(mine).model, **own) == load_config("current-two").model
+    assert "not of the form NAME=NUMBER" in _run(*asked, "--fix", "K=stiff", code=2).stderr
+    assert "lacks its number" in _run(*asked, "--error", "closing", code=2).stderr
+    assert "go with --of" in _run("calibrate", *tables, "-o", str(mine), code=2).stderr
+    assert "no parameter" in _run(*asked, "--fix", "hardness", code=2).stderr

@@ -27,6 +27,7 @@ from softclose.compiled import cached_njit
 from softclose.kernel.pieces import voltage
 from softclose.kernel.results import store
 from softclose.kernel.source import UNCOUNTED, fingerprint
+from softclose.switch.losses import SLIP, SLIP_EXPONENT
 
 FREE, HELD, TOUCHING = 0, 1, 2
 """Away from the contact; held in a rigid one; within a compliant one."""
@@ -53,9 +54,6 @@ _REST = 1e-12
 """Speed [µm/µs] that rounding leaves of a switch at rest on its contact: no impact once it has touched."""
 _COLLAPSED_AT = 1e-3
 """Part of the gap that mode 1 leaves at contact; where no more is left, nothing stops the electrode."""
-_SLIP, _SLIP_EXPONENT = 9.638, 1.159
-"""Veijola and others, Sensors and Actuators A 48 (1995): a gas whose mean free path is Kn of the film's thickness flows
-as one of 1 + 9.638 Kn^1.159 times less viscosity, from the continuum to free molecules within 5 %."""
 _LOOKS = 8
 """Points within a step at which contacts are looked for: a step is a quarter of the fastest mode's period or less."""
 
@@ -100,7 +98,7 @@ def _slopes(out, y, u, state, n, switch):  # type: ignore[no-untyped-def]
     if film > 0.0:
         squeezed = film * ve / (gap - xe) ** 3
         if free_path > 0.0:
-            squeezed /= 1.0 + _SLIP * (free_path / (gap - xe)) ** _SLIP_EXPONENT
+            squeezed /= 1.0 + SLIP * (free_path / (gap - xe)) ** SLIP_EXPONENT
         pull -= squeezed
     push = 0.0
     if state == TOUCHING:

@@ -20,7 +20,7 @@ from softclose.population.laws import LAWS, UNITS
 from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.population.population import Population
 from softclose.switch.plate import A1, mass, stiffness
-from softclose.tables import at_home, check_keys, finite_number, parsed_tables, read_tables
+from softclose.tables import at_home, check_keys, finite_number, parsed_tables, read_tables, toml_string
 
 SHIPPED = ("current", "modified", "process-improved", "paper-text")
 """Names of the populations that come with the package."""
@@ -283,7 +283,7 @@ def _around(nominal: float, half: float) -> Bounded:
 def write_population(population: Population, path: str | Path, comments: Iterable[str] = ()) -> None:
     """Write a file that `read_population` turns back into an equal population. comments: lines put at the top."""
     lines = [f"# {c}" if c else "#" for c in comments]
-    lines += [f"name = {_string(population.name)}", f"description = {_string(population.description)}"]
+    lines += [f"name = {toml_string(population.name)}", f"description = {toml_string(population.description)}"]
     if population.plate_area_um2 is not None:
         lines.append(f"plate_area_um2 = {population.plate_area_um2!r}")
     for v, marginal in zip(population.variables, population.marginals(), strict=True):
@@ -292,7 +292,7 @@ def write_population(population: Population, path: str | Path, comments: Iterabl
         lines += ["", "[correlation]", *(f"{a}-{b} = {rho!r}" for a, b, rho in population.correlation)]
     if population.formula is not None:
         table = population.formula.to_dict()
-        told = (f"{name} = {_string(v) if isinstance(v, str) else repr(v)}" for name, v in table.items())
+        told = (f"{name} = {toml_string(v) if isinstance(v, str) else repr(v)}" for name, v in table.items())
         lines += ["", "[law]", *told]
     Path(path).write_text("\n".join(lines) + "\n", "utf-8")
 
@@ -310,11 +310,6 @@ def _lines(b: Marginal) -> list[str]:
     lines = [f'distribution = "{"uniform" if b.is_uniform else "beta"}"', f"lower = {b.lower!r}"]
     lines.append(f"upper = {b.upper!r}")
     return lines if b.is_uniform else [*lines, f"alpha = {b.alpha!r}", f"beta = {b.beta!r}"]
-
-
-def _string(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
 
 
 def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:

@@ -40,16 +40,24 @@ _RANGE = {
     "K_N_per_m": (1e-3, 1e6),
     "threshold_V": (1.0, 1000.0),
     "contact_time_us": (0.1, 1e5),
+    "pull_out_V": (0.1, 1000.0),
+    "quality_factor": (1e-3, 1e9),
+    "voltage_V": (-1000.0, 1000.0),
+    "closing_time_us": (1e-3, 1e6),
+    "second_contact_us": (1e-3, 1e6),
+    "time_us": (0.0, 1e7),
+    "x_um": (-1e3, 1e3),
 }
 NAMES = (*_RANGE, "device")
 """Quantities that tables of devices have, as `--columns` names them."""
-_UNITS = {"um": "µm", "V": "V", "kHz": "kHz", "m": "N/m", "us": "µs"}
+_UNITS = {"um": "µm", "V": "V", "kHz": "kHz", "m": "N/m", "us": "µs", "factor": ""}
 _SLIPS = {
     "µm": ((1e6, "metres"), (1e3, "millimetres"), (1e-3, "nanometres")),
     "V": ((1e3, "kV"), (1e-3, "mV")),
     "kHz": ((1e-3, "Hz"), (1e3, "MHz")),
     "N/m": ((1e-3, "mN/m"), (1e3, "kN/m")),
     "µs": ((1e6, "seconds"), (1e3, "ms"), (1e-3, "ns")),
+    "": (),
 }
 _FARTHEST = 5.0
 """A value beyond so many times the median of its column, or below that part of it, is a slip of the decimal sign."""
@@ -292,8 +300,9 @@ def _out_of_range(table: Table) -> str | None:
             value = float(values[i])
             if not low <= value <= high:
                 unit = _UNITS[name.rpartition("_")[2]]
+                allowed = f"{low:g}–{high:g} {unit}".rstrip()
                 slip = next((f": are these {other}?" for f, other in _SLIPS[unit] if low <= value * f <= high), "")
-                return f"{table.path}, line {line}: {name} is {value:g}; expected {low:g}–{high:g} {unit}{slip}"
+                return f"{table.path}, line {line}: {name} is {value:g}; expected {allowed}{slip}"
     return None
 
 

@@ -14,6 +14,9 @@ FloatArray = NDArray[np.float64]
 
 LEAST_Q = 1e-3
 """Smallest Q: below it a switch creeps as the film or the dashpot lets it, and its mass means nothing."""
+SLIP, SLIP_EXPONENT = 9.638, 1.159
+"""Veijola and others, Sensors and Actuators A 48 (1995): a gas whose mean free path is Kn of the film's thickness flows
+as one of 1 + 9.638 Kn^1.159 times less viscosity, from the continuum to free molecules within 5 %."""
 _BY_SWITCH = ("quality_factor", "film_viscosity_uPa_s", "adhesion_uN")
 """Losses of which each switch may have its own."""
 
@@ -108,6 +111,25 @@ class Losses:
     def free_path_um(self) -> float:
         """Mean free path at the ambient pressure [µm]."""
         return self.film_mean_free_path_um * 101.325 / self.film_pressure_kPa
+
+    def damping_at_rest(self, switches: FloatArray, plate_area_um2: float) -> FloatArray:
+        """1/Q of small motions about rest: the plate's own damping and the film's.
+
+        Parameters
+        ----------
+        switches : (n, 4) ndarray of float64
+            Columns D, G [µm], K [N/m], M [µg].
+        plate_area_um2 : float
+            Plate area [µm²].
+
+        Returns
+        -------
+        (n,) ndarray of float64
+            1/Q + c / (G³ sqrt(K M)), c that of `film`, less where the gas slips.
+        """
+        gap = switches[:, 1]
+        film = self.film(plate_area_um2) / gap**3 / (1.0 + SLIP * (self.free_path_um / gap) ** SLIP_EXPONENT)
+        return np.asarray(self.damping_ratio + film / np.sqrt(1e-3 * switches[:, 2] * switches[:, 3]))
 
 
 def _wrong_row(values: np.ndarray[Any, Any]) -> str:
