@@ -21,7 +21,7 @@ from softclose.metrics.objective import Judged
 from softclose.population.population import index_uniforms
 from softclose.settings import CampaignConfig
 
-MEASUREMENT, DRIVE, TEMPERATURE, TIMING = 7_100_000, 7_200_000, 7_300_000, 7_500_000
+MEASUREMENT, DRIVE, TEMPERATURE, TIMING, MODEL = 7_100_000, 7_200_000, 7_300_000, 7_500_000, 7_600_000
 
 
 def rows(
@@ -30,7 +30,7 @@ def rows(
     """Every switch of an ensemble, as a dictionary of its columns."""
     population = config.build_population()
     u = {0: population.uniforms(n, seed=seed, sampling=sampling, stream=stream)}  # type: ignore[arg-type]
-    for key in (MEASUREMENT, DRIVE, TEMPERATURE, TIMING):
+    for key in (MEASUREMENT, DRIVE, TEMPERATURE, TIMING, MODEL):
         u[key] = index_uniforms(n, seed=seed, start=0, stream=stream + key)
     return at(config, u)
 
@@ -41,6 +41,11 @@ def at(config: CampaignConfig, u: dict[int, Any], population: Any = None) -> lis
     drawn = believed if population is None else population
     switches = drawn.switches(drawn.quantile(u[0]))
     found = [dict(zip("DGKM", map(float, s), strict=True)) for s in switches]
+    wrong = config.model_error
+    if wrong.counts == "mean" and (wrong.force or wrong.time):
+        z = ndtri(np.clip(u[MODEL][:, :2], 1e-12, 1 - 1e-12))
+        found = [mistaken(row, wrong.force * f, wrong.time * t) for row, (f, t) in zip(found, z, strict=True)]
+        switches = np.array([[row[name] for name in "DGKM"] for row in found])
     t = config.trim
     if t.measured not in ("nothing", "contact times"):
         trim = Trim(
@@ -68,6 +73,26 @@ def at(config: CampaignConfig, u: dict[int, Any], population: Any = None) -> lis
     if temperature.celsius and not temperature.worst_of:
         celsius = temperature.low_C + (temperature.high_C - temperature.low_C) * u[TEMPERATURE][:, 0]
         found = [heated(config, row, c) for row, c in zip(found, celsius, strict=True)]
+    return found
+
+
+def mistaken(row: dict[str, float], force: float, time: float) -> dict[str, float]:
+    """A switch of which the model has the force and the times wrong."""
+    k, m = row["K"] / (1.0 + force), row["M"] / (1.0 + force) * (1.0 + time) ** 2
+    return row | {"K": k, "M": m, "force_error": force, "time_error": time}
+
+
+def cases(config: CampaignConfig, row: dict[str, float]) -> list[dict[str, float]]:
+    """A switch in every case in which it is tried."""
+    t, w = config.temperature, config.model_error
+    found = [row]
+    if w.counts == "worst":
+        ends = [(0.0, 0.0), (-w.reach * w.force, 0.0), (w.reach * w.force, 0.0)]
+        ends += [(0.0, -w.reach * w.time), (0.0, w.reach * w.time)]
+        found = [mistaken(row, f, s) for f, s in ends]
+    if t.worst_of:
+        tried = [t.low_C + (t.high_C - t.low_C) * k / (t.worst_of - 1) for k in range(t.worst_of)]
+        found = [heated(config, each, celsius) for each in found for celsius in tried]
     return found
 
 
@@ -147,17 +172,11 @@ def own_drive(
 
 
 def respond(config: CampaignConfig, lot: list[dict[str, float]], waveform: Any, *, tailored: bool = True) -> Judged:
-    """What every switch does: simulated by itself, at each temperature that is tried."""
-    t = config.temperature
-    n = t.worst_of
-    tried = [None] if not n else [t.low_C + (t.high_C - t.low_C) * k / (n - 1) for k in range(n)]
+    """What every switch does: simulated by itself, in each case that is tried."""
     speed, closed, settling, status = [], [], [], []
     for row in lot:
         drive, b = own_drive(config, row, waveform, tailored=tailored)
-        each = []
-        for celsius in tried:
-            switch = row if celsius is None else heated(config, row, celsius)
-            each.append(model(config, switch, drive, config.model.horizon_us * b))
+        each = [model(config, switch, drive, config.model.horizon_us * b) for switch in cases(config, row)]
         v = [float(r.max_contact_speed[0]) for r in each]
         speed.append(max((s for s in v if not math.isnan(s)), default=math.nan))
         closed.append(all(bool(r.closed[0]) for r in each))

@@ -38,11 +38,13 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "quality factor": {"model": {"quality_factor": 12.0}},
     "film": {"model": {"film_viscosity_uPa_s": 0.4}},
     "two modes": {"model": {"name": "reduced-order", "modes": MODES}, "compute": {"rtol": 1e-7}},
+    "model error": {"model_error": {"force": 0.04, "time": 0.02}},
+    "worst model error": {"model_error": {"force": 0.02, "time": 0.01, "counts": "worst"}},
     "closed in time": {"objective": {"closed_by_us": 80.0}},
 }
 """Name -> what a configuration says."""
 
-APART = ("trim", "temperature")
+APART = ("trim", "temperature", "model_error")
 """Sections of which two conditions exclude each other, since each says the same thing otherwise."""
 
 

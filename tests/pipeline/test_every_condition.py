@@ -197,12 +197,10 @@ def test_a_lot_opens_under_its_conditions(name: str) -> None:
     drive = opened(DRIVE, 300.0)
     lot = draw(c, N, seed=6)
     found = let_go(c, lot, drive, at_us=300.0)
-    temperatures = [t for t in c.temperature.tried] or [None]
     for i, row in enumerate(by_hand.rows(c, N, seed=6)):
         own, b = by_hand.own_drive(c, row, drive, horizon_us=420.0)
         held, overshoot = True, 0.0
-        for celsius in temperatures:
-            switch = row if celsius is None else by_hand.heated(c, row, celsius)
+        for switch in by_hand.cases(c, row):
             times = b * np.linspace(300.0, 420.0, 801)
             r = by_hand.model(c, switch, own, 420.0 * b, times_us=times)
             x = r.x[0] / switch["D"]

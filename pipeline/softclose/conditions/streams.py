@@ -46,6 +46,8 @@ class Stream(enum.IntEnum):
     """Its temperature."""
     TIMING = 7_500_000
     """Errors of its timed contacts."""
+    MODEL_ERROR = 7_600_000
+    """What the model is wrong about."""
 
 
 @enum.unique

@@ -8,6 +8,7 @@ from typing import Any
 
 from softclose.conditions.amplifier import Amplifier
 from softclose.conditions.learning import TailoredByLearning
+from softclose.conditions.model_error import ModelError
 from softclose.conditions.protocol import Condition, Surroundings
 from softclose.conditions.temperature import Temperature
 from softclose.conditions.trim import Tailored
@@ -15,7 +16,7 @@ from softclose.device.device import Device
 from softclose.plugins import REDUCED_ORDER
 from softclose.settings import CampaignConfig
 
-CONDITIONS: tuple[type[Condition], ...] = (Tailored, TailoredByLearning, Amplifier, Temperature)
+CONDITIONS: tuple[type[Condition], ...] = (ModelError, Tailored, TailoredByLearning, Amplifier, Temperature)
 """Every condition, in the order of the signal's way: what is measured is measured before what changes a switch."""
 
 

@@ -55,6 +55,8 @@ COLUMNS: dict[str, Column] = {
         Column("clock", "1", "period of its generator's clock over the nominal one"),
         Column("celsius", "°C", "its temperature"),
         Column("replicate", "1", "which of the independent scramblings of the ensemble it is of"),
+        Column("force_error", "1", "relative error of the model's electrostatic force"),
+        Column("time_error", "1", "relative error of the model's times"),
     )
 }
 """Every column that a lot may have, by name."""

@@ -21,6 +21,7 @@ from softclose.allowed.types import (
     SETTINGS,
 )
 from softclose.conditions.amplifier import AmplifierSection
+from softclose.conditions.model_error import ModelErrorSection
 from softclose.conditions.temperature import TemperatureSection
 from softclose.conditions.trim import TrimSection
 from softclose.naming import nearest
@@ -60,6 +61,7 @@ class CampaignConfig:
     amplifier: AmplifierSection = Field(default_factory=AmplifierSection)
     temperature: TemperatureSection = Field(default_factory=TemperatureSection)
     model: ModelSection = Field(default_factory=ModelSection)
+    model_error: ModelErrorSection = Field(default_factory=ModelErrorSection)
     waveform: WaveformSection = Field(default_factory=WaveformSection)
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
     opening: OpeningSection = Field(default_factory=OpeningSection)
@@ -392,6 +394,7 @@ _SECTIONS = (
     AmplifierSection,
     TemperatureSection,
     ModelSection,
+    ModelErrorSection,
     WaveformSection,
     ObjectiveSection,
     OpeningSection,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from softclose.conditions.amplifier import AmplifierSection
+from softclose.conditions.model_error import ModelErrorSection
 from softclose.conditions.trim import TrimSection
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.settings import CampaignConfig
@@ -15,6 +16,7 @@ def assumptions(config: CampaignConfig) -> list[str]:
         *_trim(config.trim),
         _lot(config),
         _model(config.model),
+        *_model_error(config.model_error),
         _amplifier(config.amplifier),
         *_errors(config.amplifier),
         *_temperature(config),
@@ -42,6 +44,19 @@ def _model(m: ModelSection) -> str:
     else:
         kind = f"the device model {m.name}"
     return f"Each switch is {kind}; it rebounds with {m.restitution:g} of its speed at each impact."
+
+
+def _model_error(e: ModelErrorSection) -> list[str]:
+    facts = [
+        *([f"its force by {100 * e.force:g} %"] if e.force else []),
+        *([f"its times by {100 * e.time:g} %"] if e.time else []),
+    ]
+    if not facts:
+        return []
+    said = f"The device model may be off for the whole lot, {' and '.join(facts)} (standard deviation)"
+    if e.counts == "worst":
+        return [f"{said}: each switch counts at its worst of either error up to {e.reach:g} standard deviations."]
+    return [f"{said}: the figures are those of the lots that it may be, weighed alike."]
 
 
 def _trim(t: TrimSection) -> list[str]:
