@@ -188,6 +188,7 @@ def test_every_section_documents_its_keys() -> None:
         "amplifier",
         "temperature",
         "model",
+        "model_error",
         "waveform",
         "objective",
         "opening",

@@ -50,7 +50,9 @@ def test_the_worst_is_that_of_either_end_of_either_error() -> None:
     ends = [(0.0, 0.0), (-0.045, 0.0), (0.045, 0.0), (0.0, -0.03), (0.0, 0.03)]
     speeds = np.array([respond(PLAIN, mistaken(lot, f, t), DRIVE).max_contact_speed for f, t in ends])
     found = respond(c, lot, DRIVE)
-    np.testing.assert_allclose(found.max_contact_speed, np.nanmax(speeds, axis=0))
+    touched = ~np.isnan(speeds).all(axis=0)
+    np.testing.assert_allclose(found.max_contact_speed[touched], np.nanmax(speeds[:, touched], axis=0))
+    assert np.isnan(found.max_contact_speed[~touched]).all()
     assert len(respond_each(c, lot, DRIVE)) == 5
     one = load_config({"model_error": {"force": 0.03, "counts": "worst"}})
     assert len(respond_each(one, lot, DRIVE)) == 3, "an error of nothing has no ends"

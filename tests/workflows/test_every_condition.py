@@ -65,8 +65,6 @@ def test_a_run_stores_what_each_switch_did_and_the_columns_of_its_lot(campaign: 
     path, config = campaign
     stored = open_campaign(path)
     rows = by_hand.rows(config, 12, seed=config.campaign.seed, sampling=config.population.sampling)
-    names = {"a": "voltage_scale", "b": "time_scale", "gain": "gain", "clock": "clock", "D": "D", "K": "K"}
-    rows = by_hand.rows(config, 12, seed=config.campaign.seed)
     names = {
         "a": "voltage_scale",
         "b": "time_scale",
