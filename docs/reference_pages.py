@@ -95,7 +95,8 @@ def configuration_page() -> str:
             "| --- | --- | --- | --- |",
         ]
         for field in dataclasses.fields(cls):
-            columns = f"`{section}.{field.name}`", cell(kind(source[field.name])), toml_value(field.default)
+            default = toml_value(field.default) if field.default is not dataclasses.MISSING else "`{}`"
+            columns = f"`{section}.{field.name}`", cell(kind(source[field.name])), default
             lines.append(f"| {' | '.join(columns)} | {cell(docs.get(field.name, ''))} |")
         lines.append("")
     return "\n".join(lines) + "\n"
@@ -132,6 +133,8 @@ def kind(annotation: Any) -> str:
         limits = ", ".join(["", *bounds]).replace("9.22337e+18", "2^63")
     if typing.get_origin(annotation) is typing.Literal:
         return "one of " + ", ".join(f"`{v}`" for v in typing.get_args(annotation))
+    if typing.get_origin(annotation) is dict:
+        return "table"
     if typing.get_origin(annotation) is tuple:
         return "list"
     names = {int: "integer", float: "number", str: "text", bool: "true or false"}

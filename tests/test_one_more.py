@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import pytest
+from pydantic import BaseModel, Field
 from scipy.special import ndtri
 
 from conditions_of_campaigns import DRIVE
@@ -18,7 +19,7 @@ from softclose.device.drives import Drives, product
 from softclose.evaluate import chain, coordinates, draw, evaluate, respond
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, quantity
 from softclose.population.lot import COLUMNS, Column, Lot
-from softclose.settings import load_config
+from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.uncertainty.sensitivity import sensitivity
 from softclose.uncertainty.tails import tail
 
@@ -116,3 +117,70 @@ def test_one_more_device_model_touches_no_file(monkeypatch: pytest.MonkeyPatch) 
     drive = Waveform([Pulse(p.start_us * b, p.rise_us * b, p.peak_us * b, p.volts * a) for p in DRIVE.pulses])
     alone = heavier(lot.switches[i : i + 1], drive, horizon_us=250.0 * b, max_volts=1e9)
     assert respond(config, lot, DRIVE).max_contact_speed[i] == pytest.approx(alone.max_contact_speed[0], rel=1e-6)
+
+
+class Server(BaseModel):
+    """Settings that a device model has of its own."""
+
+    excess: float = Field(default=1.0, gt=0, le=10)
+    names: list[str] = []
+
+
+def served(switches: Any, *arguments: Any, options: Server, **settings: Any) -> Any:
+    return simulate(np.asarray(switches) * [1.0, 1.0, 1.0, options.excess], *arguments, **settings)
+
+
+served.Options = Server  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = SimpleNamespace(name="served", load=lambda: served)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
+
+
+@pytest.mark.usefixtures("server")
+def test_a_device_model_checks_settings_of_its_own() -> None:
+    config = load_config({"model": {"name": "served"}}, ["model.options.excess=1.2"])
+    assert config.model.options == {"excess": 1.2, "names": []}  # written out, so part of the identity
+    assert config.fingerprint() != load_config({"model": {"name": "served"}}).fingerprint()
+    assert CampaignConfig.from_dict(config.to_dict()) == config
+    lot = draw(config, 20, seed=1)
+    expected = simulate(lot.switches * [1.0, 1.0, 1.0, 1.2], DRIVE)
+    np.testing.assert_array_equal(respond(config, lot, DRIVE).max_contact_speed, expected.max_contact_speed)
+    plain = respond(load_config({"model": {"name": "served"}}), lot, DRIVE)
+    np.testing.assert_array_equal(plain.max_contact_speed, simulate(lot.switches, DRIVE).max_contact_speed)
+
+
+@pytest.mark.usefixtures("server")
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"excess": -1}, "model.options.excess is -1: Input should be greater than 0"),
+        ({"excess": "much"}, "model.options.excess is 'much': Input should be a valid number"),
+        ({"exces": 1.0}, "model.options.exces is no option of model 'served'; did you mean 'excess'"),
+        ({"names": [1, 2]}, "model.options.names.0 is 1: .*; model.options.names.1 is 2: "),
+    ],
+)
+def test_options_that_a_model_does_not_allow_are_refused_in_its_words(options: Any, said: str) -> None:
+    with pytest.raises(ConfigError, match=said) as told:
+        load_config({"model": {"name": "served", "options": options}})
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("name", ["single-mode", "measured"])
+def test_a_model_without_options_takes_none(name: str) -> None:
+    with pytest.raises(ConfigError, match=r"takes its settings from .model. itself: leave the table out"):
+        load_config({"model": {"name": name, "options": {"excess": 1.0}}})
+
+
+def test_a_model_whose_options_are_no_pydantic_model_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = SimpleNamespace(name="odd", load=lambda: SimpleNamespace(Options={"a": 1}))
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "softclose.models" else [])
+    with pytest.raises(ConfigError, match=r"Options of model 'odd' is .*; it must be a pydantic model"):
+        load_config({"model": {"name": "odd"}})
+
+
+def test_a_deeper_override_makes_the_tables_on_its_way() -> None:
+    with pytest.raises(ConfigError, match=r"campaign.seed is 3; it must be a table of keys"):
+        load_config({"campaign": {"seed": 3}}, ["campaign.seed.x=1"])

@@ -15,6 +15,8 @@ ALGORITHM = "3"
 campaign's identity."""
 
 if TYPE_CHECKING:
+    from softclose.conditions.temperature import heated as heated
+    from softclose.conditions.trim import trim_of as trim_of
     from softclose.device.protocol import CannotSimulate as CannotSimulate
     from softclose.device.protocol import DeviceModel as DeviceModel
     from softclose.device.simulate import Responses as Responses
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
     from softclose.evaluate import judge as judge
     from softclose.evaluate import realise as realise
     from softclose.evaluate import respond as respond
+    from softclose.evaluate.chain import chain_of as chain_of
+    from softclose.evaluate.quantities import Closing as Closing
+    from softclose.evaluate.quantities import Quantity as Quantity
+    from softclose.evaluate.quantities import quantity as quantity
     from softclose.metrics.objective import Assessment as Assessment
     from softclose.metrics.objective import assess as assess
     from softclose.plugins import EngineError as EngineError
@@ -31,7 +37,9 @@ if TYPE_CHECKING:
     from softclose.plugins import allow_code as allow_code
     from softclose.population import Population as Population
     from softclose.population import load_population as load_population
+    from softclose.population.calibrate import calibrate as calibrate
     from softclose.population.lot import Lot as Lot
+    from softclose.population.measurements import read_measurements as read_measurements
     from softclose.propose.protocol import Engine as Engine
     from softclose.propose.protocol import Observation as Observation
     from softclose.propose.protocol import Problem as Problem
@@ -43,6 +51,9 @@ if TYPE_CHECKING:
     from softclose.switch.losses import Losses as Losses
     from softclose.switch.reduced_order import ReducedOrder as ReducedOrder
     from softclose.switch.reduced_order import read_reduced_order as read_reduced_order
+    from softclose.uncertainty.tolerance import DriveError as DriveError
+    from softclose.uncertainty.tolerance import drive_tolerance as drive_tolerance
+    from softclose.waveform import Delivered as Delivered
     from softclose.waveform import Pulse as Pulse
     from softclose.waveform import Trace as Trace
     from softclose.waveform import Waveform as Waveform
@@ -81,6 +92,17 @@ _HOME = {
     "load_population": "population",
     "read_reduced_order": "switch.reduced_order",
     "simulate": "device.simulate",
+    "Delivered": "waveform",
+    "DriveError": "uncertainty.tolerance",
+    "drive_tolerance": "uncertainty.tolerance",
+    "calibrate": "population.calibrate",
+    "read_measurements": "population.measurements",
+    "heated": "conditions.temperature",
+    "trim_of": "conditions.trim",
+    "chain_of": "evaluate.chain",
+    "Quantity": "evaluate.quantities",
+    "quantity": "evaluate.quantities",
+    "Closing": "evaluate.quantities",
 }
 
 __all__ = [  # noqa: RUF022 - the order a reader meets them in
@@ -115,6 +137,17 @@ __all__ = [  # noqa: RUF022 - the order a reader meets them in
     "CannotSimulate",
     "WaveEngine",
     "Wave",
+    "chain_of",
+    "trim_of",
+    "heated",
+    "Delivered",
+    "read_measurements",
+    "calibrate",
+    "DriveError",
+    "drive_tolerance",
+    "quantity",
+    "Quantity",
+    "Closing",
     "ALGORITHM",
     "__version__",
 ]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel
 
 from softclose.device.drives import Drives, product
 from softclose.device.protocol import load_model
@@ -49,6 +50,8 @@ class Device:
     """Integrator."""
     losses: Losses
     """Of the shipped models."""
+    options: BaseModel | None = None
+    """Settings of an installed model's own; None for a model that has none."""
     modes: ReducedOrder | None = None
     """Of the reduced-order model."""
 
@@ -77,13 +80,14 @@ class Device:
             (n,) each; of a switch that could not be integrated nothing but its status.
         """
         switches = lot.switches
+        own: dict[str, Any] = {} if self.options is None else {"options": self.options}
         simulate: Simulate = partial(
             load_model(self.name),
             restitution=self.restitution,
             plate_area_um2=self.plate_area_um2,
             rtol=self.rtol,
             method=self.method,
-            **{"horizon_us": self.horizon_us} | self._own() | outputs,
+            **{"horizon_us": self.horizon_us} | own | self._own() | outputs,
         )
         command, delivery = drives.command, drives.delivery
         as_commanded = isinstance(command, Trace) or delivery is None or delivery.is_ideal

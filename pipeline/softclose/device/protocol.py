@@ -61,7 +61,11 @@ class DeviceModel(Protocol):
         threads: int = 1,
         dtype: type[np.float64] | type[np.float32] = np.float64,
     ) -> Responses:
-        """switches: (n, 4) float64 D [µm], G [µm], K [N/m], M [µg]. `rtol` and `method` may mean nothing to a model."""
+        """switches: (n, 4) float64 D [µm], G [µm], K [N/m], M [µg]. `rtol` and `method` may mean nothing to a model.
+
+        A model with settings of its own names them in an attribute `Options` (`softclose.device.options`), and is given
+        them as `options`.
+        """
         ...
 
 

@@ -13,6 +13,7 @@ from softclose.conditions.protocol import Condition, Surroundings
 from softclose.conditions.temperature import Temperature
 from softclose.conditions.trim import Tailored
 from softclose.device.device import Device
+from softclose.device.options import options_of
 from softclose.plugins import REDUCED_ORDER
 from softclose.settings import CampaignConfig
 
@@ -51,6 +52,7 @@ def device_of(config: CampaignConfig) -> Device:
         rtol=compute.rtol,
         method=compute.method,
         losses=model.build_losses(),
+        options=options_of(model.name, model.options),
         modes=config.build_reduced_order() if model.name == REDUCED_ORDER else None,
     )
 

@@ -24,6 +24,7 @@ from softclose.conditions.amplifier import AmplifierSection
 from softclose.conditions.model_error import ModelErrorSection
 from softclose.conditions.temperature import TemperatureSection
 from softclose.conditions.trim import TrimSection
+from softclose.device.options import options_of
 from softclose.naming import nearest
 from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE
 from softclose.population import Population, load_population
@@ -267,6 +268,16 @@ class CampaignConfig:
         MODELS.check(self.model.name)
         if self.has_prior:
             MODELS.check(self.prior.model)
+
+    def with_options(self) -> CampaignConfig:
+        """The same campaign with every option of its device model written out, so that they are part of its identity.
+
+        Raises ModelError where the model does not allow them.
+        """
+        options = options_of(self.model.name, self.model.options)
+        if options is None:
+            return self
+        return replace(self, model=replace(self.model, options=options.model_dump(mode="json")))
 
     def revised(self, overrides: Iterable[str]) -> CampaignConfig:
         """The same campaign with other values; what was written out stays.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, JsonValue
 from pydantic.dataclasses import dataclass
 
 from softclose.allowed.types import (
@@ -27,6 +27,9 @@ class ModelSection:
     """Coefficient of restitution η, in (0, 1]."""
     plate_area_um2: NotNegative = 0.0
     """Plate area a [µm²]; 0: the area that the population was fitted with, else 16,700."""
+    options: dict[str, JsonValue] = Field(default_factory=dict)
+    """Settings of an installed model's own (`[model.options]`), which it checks itself; what it takes for granted is
+    written out."""
     modes: str = ""
     """reduced-order: the TOML file of its modes; `softclose run` writes it into the store."""
     quality_factor: Annotated[float, Field(ge=0, le=1e9)] = 0.0

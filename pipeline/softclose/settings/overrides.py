@@ -32,7 +32,7 @@ def is_toml(text: str) -> bool:
 
 
 def apply(data: dict[str, Any], override: str) -> None:
-    """Set one `section.key=value`; the value is TOML, and a bare word is a string."""
+    """Set one `section.key=value`, or `section.table.key=value`; the value is TOML, and a bare word is a string."""
     key, sign, text = override.partition("=")
     section, dot, name = key.strip().partition(".")
     if not (sign and dot and section and name):
@@ -43,7 +43,10 @@ def apply(data: dict[str, Any], override: str) -> None:
         value = parsed_tables(f"value = {text}", f"--set {key.strip()}", ConfigError)["value"]
     else:
         value = text.strip()
-    table = data.setdefault(section, {})
-    if not isinstance(table, dict):
-        raise ConfigError(f"{section} is {table!r}; it must be a table of keys")
-    table[name] = value
+    *tables, last = [section, *name.split(".")]
+    table = data
+    for depth, part in enumerate(tables, start=1):
+        table = table.setdefault(part, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"{'.'.join(tables[:depth])} is {table!r}; it must be a table of keys")
+    table[last] = value

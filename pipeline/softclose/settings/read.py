@@ -62,6 +62,7 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
     config = validated(data)
     try:
         config.check_plugins()
+        config = config.with_options()
     except (EngineError, ModelError) as e:
         raise ConfigError(str(e)) from e
     return config
