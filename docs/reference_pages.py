@@ -6,14 +6,11 @@ The command line and the Python interface are written by sphinx-click and Sphinx
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import inspect
-import itertools
 import json
 import math
 import re
-import textwrap
 import typing
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from softclose.population.lot import COLUMNS
+from softclose.settings.json_schema import field_docs
 
 GENERATED = "<!-- Generated from the code by docs/reference_pages.py; changes here are lost. -->\n\n"
 
@@ -50,22 +48,6 @@ def cell(text: str) -> str:
 def paragraphs(docstring: str | None) -> str:
     """A docstring as Markdown paragraphs."""
     return "\n\n".join(cell(p) for p in re.split(r"\n\s*\n", inspect.cleandoc(docstring or "")))
-
-
-def field_docs(cls: type) -> dict[str, str]:
-    """The strings below the fields of a class, its bases included, by field."""
-    found: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        try:
-            tree = ast.parse(textwrap.dedent(inspect.getsource(base)))
-        except (OSError, TypeError, SyntaxError):
-            continue
-        body = typing.cast(ast.ClassDef, tree.body[0]).body
-        for field, after in itertools.pairwise(body):
-            named = isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
-            if named and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
-                found[typing.cast(Any, field).target.id] = str(after.value.value)
-    return found
 
 
 def configuration_page() -> str:

@@ -115,6 +115,7 @@ def main(verbose: bool, allow_code: tuple[str, ...]) -> None:
 
 COMMANDS = {
     "Run": {
+        "init": "Write a commented campaign file for your switch.",
         "populations": "List populations of switches, or describe one.",
         "calibrate": "Fit a population to measured devices.",
         "run": "Run a campaign: a shipped preset or your TOML file.",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 @click.argument("source", metavar="PRESET|FILE")
 @click.option("--store", required=True, metavar="PATH", help="Where the campaign is kept: a path or a URL.")
 @click.option("--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE", help="Override a setting; repeatable.")
+@click.option("--dry-run", is_flag=True, help="Say what it would take: waves, bytes, minutes.")
 @placement_options
 @break_lock_option
 @quiet_option
@@ -29,6 +30,7 @@ def run(
     source: str,
     store: str,
     overrides: tuple[str, ...],
+    dry_run: bool,
     placement: Placement,
     break_lock: bool,
     quiet: bool,
@@ -45,5 +47,11 @@ def run(
     config = warm_started(load_config(source, overrides))
     for line in forewarnings(config):
         say(f"note: {line}", err=True)
+    if dry_run:
+        from softclose_workflows.analyses.dry_run import dry_run as explain
+
+        for line in explain(config, placement):
+            say(line)
+        return
     ctx.meta["softclose.store"] = store
     drive(store, placement, config=config, break_lock=break_lock, quiet=quiet)
