@@ -32,6 +32,8 @@ def configuration_schema() -> dict[str, Any]:
         for key, value in table["properties"].items():
             value["description"] = " ".join(meanings[key].split())
             value.pop("title", None)
+            if value.get("default") != value.get("default"):  # NaN: it follows from the lot, and JSON has none
+                del value["default"]
         table.pop("title", None)
         schema["properties"][section].pop("default", None)
     return {"$schema": DIALECT, **schema, "title": "A Softclose campaign", "description": "What `softclose run` reads."}
