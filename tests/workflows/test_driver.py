@@ -20,7 +20,7 @@ from softclose.propose.sobol import sobol_points
 from softclose_store import DriverStore, StoreMissingError, open_campaign
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import tasks
-from softclose_workflows.run.campaign import Driver, Progress
+from softclose_workflows.run.campaign import PATIENCE_S, Driver, Progress
 from softclose_workflows.run.executors.dask import LIVE_PER_WORKER, DaskExecutor
 from softclose_workflows.run.executors.serial import SerialExecutor
 from softclose_workflows.run.stopping import StopRequest
@@ -137,6 +137,33 @@ def test_a_stopped_run_commits_what_is_in_flight_and_the_next_one_goes_on_withou
     monkeypatch.setattr(tasks, "compute_block", counted)
     drive(stopped, SerialExecutor())
     assert sum(computed) == 2 * sum(SIZES[LAG:])
+    assert differences(Path(whole), Path(stopped)) == []
+
+
+def test_a_wave_that_takes_long_is_not_waited_for_and_what_of_it_is_stored_counts(
+    tmp_path: Path, recorder: Recorder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A batch system gives half a minute, a wave of 1,600 candidates may take an hour."""
+    whole, stopped = created(tmp_path / "a.zarr"), created(tmp_path / "b.zarr")
+    drive(whole, SerialExecutor())
+    stop, clock, computed = StopRequest(), [0.0], []
+    monkeypatch.setattr("softclose_workflows.run.campaign.time.monotonic", lambda: clock[0])
+    real = tasks.compute_block
+
+    def slow(*arguments: Any) -> Any:
+        computed.append(len(arguments[2]))
+        clock[0] += 0.4 * PATIENCE_S
+        stop.signal_name = "SIGTERM"
+        return real(*arguments)
+
+    monkeypatch.setattr(tasks, "compute_block", slow)
+    with pytest.raises(Stopped, match=rf"SIGTERM received: of what was in flight, 4 of {2 * sum(SIZES[:LAG])} blocks"):
+        drive(stopped, SerialExecutor(), stop=stop)
+    assert len(computed) == 4
+    assert open_campaign(stopped).committed == 0
+    stop.signal_name = None
+    drive(stopped, SerialExecutor())
+    assert sum(computed) == 2 * sum(SIZES)
     assert differences(Path(whole), Path(stopped)) == []
 
 

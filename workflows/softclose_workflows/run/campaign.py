@@ -38,6 +38,9 @@ MOST_FAILED = 20
 MOST_FALLBACKS = 5
 """Candidates in a row that an engine may fail to propose before the run stops: it would end as another engine's."""
 
+PATIENCE_S = 5.0
+"""How long a run that is to stop goes on with the waves in flight, so as to commit them [s]."""
+
 POLL_S = 0.5
 """How often the driver looks up from waiting: for a stop request, for lost workers [s]."""
 
@@ -100,6 +103,8 @@ class Driver:
     _flights: dict[int, Flight] = field(init=False, default_factory=dict)
     _tries: Counter[tuple[str, Place]] = field(init=False, default_factory=Counter)
     _n_switches_done: int = field(init=False, default=0)
+    _stop_seen: float | None = field(init=False, default=None)
+    """When the request to stop was first seen [s]."""
 
     def __post_init__(self) -> None:
         self.config = CampaignConfig.from_dict(self.store.config)
@@ -125,7 +130,22 @@ class Driver:
             self.launch()
             if not self._flights:
                 raise Stopped(f"{self.stop.signal_name} received: what was in flight is committed")
+            self._give_up_in_time()
             self.advance()
+
+    def _give_up_in_time(self) -> None:
+        """Raise Stopped where a stop was asked for `PATIENCE_S` ago: a wave may take an hour, a batch system gives half
+        a minute. Its blocks that are stored are there for whoever goes on."""
+        if not self.stop:
+            return
+        self._stop_seen = time.monotonic() if self._stop_seen is None else self._stop_seen
+        if time.monotonic() - self._stop_seen >= PATIENCE_S:
+            tasks = sum(len(f.tasks) for f in self._flights.values())
+            stored = sum(len(f.results) for f in self._flights.values())
+            raise Stopped(
+                f"{self.stop.signal_name} received: of what was in flight, {stored:,} of {tasks:,} blocks are stored "
+                "and will not be computed again"
+            )
 
     def launch(self) -> None:
         """Propose and submit every wave that may start now."""
