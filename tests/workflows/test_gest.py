@@ -201,3 +201,22 @@ def test_a_result_that_is_in_is_no_longer_in_flight(lag: int, monkeypatch: pytes
     assert sum(n for n, _ in told[1:]) == (0 if lag == 1 else sum(len(p) for _, p in told[1:]))
     assert [len(pending) for _, pending in told] == [n for n, _ in told]
     assert len(told) > 4
+
+
+@pytest.mark.parametrize("lag", [1, 3, 6])
+def test_lag_is_how_many_points_may_be_out_and_how_far_a_slow_one_is_overtaken(lag: int) -> None:
+    """Asynchronous use: of points one by one, `campaign.lag` may be out; behind one that never comes back, no more."""
+    g = generator(f"campaign.lag={lag}", "campaign.budget=16", "optimiser.batch=1", "optimiser.n_initial=2")
+
+    def told(point: dict[str, Any]) -> dict[str, Any]:
+        return point | {OBJECTIVE: 20.0 + point["_id"]}
+
+    first = g.suggest(2)
+    g.ingest([told(p) for p in first])
+    slow = g.suggest(1)[0]
+    for _ in range(lag - 1):
+        g.ingest([told(p) for p in g.suggest(1)])
+    with pytest.raises(ValueError, match="ingest results first"):
+        g.suggest(1)
+    g.ingest([told(slow)])
+    assert g.suggest(1)
