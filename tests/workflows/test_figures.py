@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from pathlib import Path
 from xml.etree import ElementTree
 
 import matplotlib
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
 
 from reported import empty_store
+from softclose.waveform import Waveform
 from softclose_workflows.cli import main
 from softclose_workflows.commands.figures import NAMES
 from softclose_workflows.figures.drawing import FIGURES
+from softclose_workflows.figures.pulse import draw_pulses
 from softclose_workflows.figures.saving import FORMATS
 from softclose_workflows.figures.style import RC
 from softclose_workflows.figures.writing import write_figures
@@ -83,3 +88,29 @@ def test_a_folder_that_cannot_be_made_is_one_message(finished_store: Path, tmp_p
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 2
     assert "-o" in result.output
+
+
+def test_the_pulses_figure_names_the_four_numbers_of_each_pulse_and_draws_their_sum() -> None:
+    drive = Waveform.from_rows([[0.0, 4.15, 2.9, 139.23], [8.0, 29.75, math.inf, 80.71]])
+    figure = draw_pulses(drive, 250.0)
+    first, second, whole = figure.axes
+    said = [[text.get_text() for text in axes.texts if text.get_text()] for axes in (first, second)]
+    assert said[0] == ["rise 4.15 µs", "flat top 2.90 µs", "fall 4.15 µs", "139.2 V"]
+    assert said[1] == ["start 8.00 µs", "rise 29.75 µs", "holds", "80.7 V"]
+    x, y = whole.lines[0].get_data()
+    np.testing.assert_allclose(y, drive.voltage(np.asarray(x)), atol=1e-9)
+    np.testing.assert_allclose(y, sum(axes.lines[0].get_ydata() for axes in (first, second)), atol=1e-9)
+
+
+def test_switches_that_stay_open_have_a_colour_and_a_dash_of_their_own(data: ReportData) -> None:
+    assert data.best_design is not None
+    traces = data.best_design.traces
+    assert traces is not None
+    closed = np.arange(len(traces.closed)) > 3
+    design = dataclasses.replace(data.best_design, traces=dataclasses.replace(traces, closed=closed))
+    figure = FIGURES["response"](dataclasses.replace(data, designs=(design, *data.designs[1:])))
+    assert figure is not None
+    closes, stays = (c for c in figure.axes[1].collections)
+    assert (len(closes.get_paths()), len(stays.get_paths())) == (int(closed.sum()), int((~closed).sum()))
+    assert closes.get_colors()[0].tolist() != stays.get_colors()[0].tolist()
+    assert closes.get_linestyles() != stays.get_linestyles()

@@ -8,6 +8,7 @@ from softclose_workflows.commands.options import quiet_option
 
 NAMES = (
     "response",
+    "pulses",
     "histogram",
     "densities",
     "exceedance",

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import group_of
+from softclose_workflows.figures.pulse import draw_pulses
 from softclose_workflows.figures.style import COLOURS, COLUMN_IN, PAGE_IN
 from softclose_workflows.report import shapes
 from softclose_workflows.report.charts import population_density
@@ -47,9 +48,17 @@ def response(data: ReportData) -> Figure | None:
     voltage.set_ylim(bottom=0.0)
     if traces is not None:
         for axes, motion in ((distance, traces.distance_um), (velocity, traces.velocity_cm_s)):
-            lines = [np.column_stack([traces.times_us, row]) for row in motion]
-            axes.add_collection(LineCollection(lines, colors=COLOURS["best"], linewidths=0.35, alpha=0.4))
+            for closes, colour, dash in ((True, "best", "solid"), (False, "open", "dashed")):
+                lines = [np.column_stack([traces.times_us, row]) for row in motion[traces.closed == closes]]
+                axes.add_collection(
+                    LineCollection(
+                        lines, colors=COLOURS[colour], linewidths=0.35 if closes else 0.6, alpha=0.4, linestyles=dash
+                    )
+                )
             axes.autoscale_view()
+        if not traces.closed.all():
+            distance.plot([], [], "--", color=COLOURS["open"], linewidth=0.8, label="stays open")
+            distance.legend(loc="upper right")
         hard = traces.impact_cm_s >= SLOWEST_IMPACT_CM_S
         velocity.plot(
             traces.impact_us[hard],
@@ -75,6 +84,12 @@ def response(data: ReportData) -> Figure | None:
     distance.set(ylabel="Distance to contact (µm)")
     velocity.set(ylabel="Velocity (cm/s)", xlabel="Time (µs)")
     return figure
+
+
+def pulses(data: ReportData) -> Figure | None:
+    """What start, rise, flat top and volts of each pulse are (Fig. 5)."""
+    design = data.best_design
+    return None if design is None else draw_pulses(design.waveform, data.config.model.horizon_us)
 
 
 def histogram(data: ReportData) -> Figure | None:
@@ -332,6 +347,7 @@ def _top(data: ReportData) -> float:
 
 FIGURES: dict[str, Draw] = {
     "response": response,
+    "pulses": pulses,
     "histogram": histogram,
     "densities": densities,
     "exceedance": exceedance,

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from softclose.metrics.objective import CM_S
+from softclose_workflows.figures.drawing import LINES
 from softclose_workflows.figures.saving import save
 from softclose_workflows.figures.style import COLOURS, PAGE_IN, style
 from softclose_workflows.tell.outputs import make_folder
@@ -60,7 +61,7 @@ def _comparison(folder: Path, rows: Sequence[Row]) -> Path:
     axes.invert_yaxis()
     axes.set_xlim(left=0)
     axes.set_xlabel("upper velocity v_u [cm/s]")
-    axes.legend(loc="lower right")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return _save(figure, folder / "comparison.svg")
 
 
@@ -69,13 +70,15 @@ def _densities(folder: Path, rows: Sequence[Row]) -> Path:
     figure = Figure(figsize=(PAGE_IN, 3.6))
     axes = figure.subplots()
     edges = np.arange(0.0, 60.5, 0.5)
+    drawn = 0
     for row in rows:
         wanted = row.case.design == "deterministic" or (row.case.how == "softclose" and row.case.published is not None)
         if not wanted:
             continue
         v = row.certified.response.max_contact_speed * CM_S
         density, _ = np.histogram(v[~np.isnan(v)], bins=edges, density=True)
-        axes.stairs(density, edges, label=_label(row), lw=1.4)
+        axes.stairs(density, edges, label=_label(row), lw=1.4, linestyle=LINES[drawn % len(LINES)])
+        drawn += 1
     axes.set_xlabel("largest contact speed V [cm/s]")
     axes.set_ylabel("probability density [s/cm]")
     axes.legend(fontsize=8)
@@ -92,18 +95,19 @@ def _populations(folder: Path, rows: Sequence[Row]) -> Path:
         configs.setdefault(population.name, population)
     figure = Figure(figsize=(PAGE_IN, 4.0))
     axes = figure.subplots(2, 3)
-    for name, population in configs.items():
+    for place, (name, population) in enumerate(configs.items()):
+        line = LINES[place % len(LINES)]
         for axis, v in zip(axes.flat, VARIABLES, strict=False):
             b = getattr(population, v)
             x = np.linspace(b.lower, b.upper, 200)
-            axis.plot(x, b.density(x), label=name)
+            axis.plot(x, b.density(x), label=name, linestyle=line)
             axis.set_xlabel(f"{v} [{UNITS[v]}]")
-            axis.set_yticks([])
+            axis.set_ylabel("density")
         switches = population.sample(1000, seed=1)
         for axis, column, unit in ((axes[1, 1], 2, "K [N/m]"), (axes[1, 2], 3, "M [µg]")):
-            axis.hist(switches[:, column], bins=30, density=True, histtype="step")
+            axis.hist(switches[:, column], bins=30, density=True, histtype="step", linestyle=line)
             axis.set_xlabel(unit)
-            axis.set_yticks([])
+            axis.set_ylabel("density")
     axes[0, 0].legend(fontsize=7)
     return _save(figure, folder / "populations.svg")
 
