@@ -30,7 +30,10 @@ HERE = Path(__file__).resolve()
 ROOT = HERE.parents[1]
 
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "exploration": ("current-three", ("campaign.budget=0", "explore.budget=3200", "finish.budget=0")),
+    "exploration": (
+        "current-three",
+        ("campaign.budget=0", "population.n_switches=256", "explore.budget=3200", "explore.n_descents=6"),
+    ),
     "default": (
         "current-three",
         (
@@ -73,6 +76,8 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
         "current-three",
         (
             "campaign.budget=200",
+            "prior.model=none",
+            "population.n_switches=256",
             "explore.budget=3000",
             "explore.n_descents=4",
             "finish.budget=300",

@@ -132,6 +132,7 @@ def run(config: CampaignConfig, n_fresh: int) -> dict[str, Any]:
         "campaign_trajectories": campaign,
         "prior_trajectories": counted.trajectories if counted else 0,
         "processor_s": round(took, 1),
+        "propose_ms": round(1e3 * propose_s / len(history), 1),
         "basins_s": round(found_s, 1),
         "own_ms_per_candidate": round(
             1e3 * (propose_s - ((counted.seconds - prior_before) if counted else 0.0)) / len(history), 1

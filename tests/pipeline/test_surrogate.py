@@ -14,7 +14,16 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from bowl import problem_of
-from softclose.propose.surrogate import JITTER, Screened, Surrogate, clipped, fit, logarithmic, surrogate_inputs
+from softclose.propose.surrogate import (
+    JITTER,
+    Screened,
+    Surrogate,
+    clipped,
+    fit,
+    logarithmic,
+    of_logarithm,
+    surrogate_inputs,
+)
 from softclose.propose.swing import FARTHEST, free_swing
 
 
@@ -230,3 +239,19 @@ def test_inputs_are_coordinates_and_the_free_swing():
     assert set(v[~inside]) <= {0.0, 1.0}
     assert (~inside).any()
     assert (x == 1.0).any()
+
+
+@pytest.mark.parametrize(("mean", "sd"), [(-1.0, 0.1), (0.0, 0.5), (1.2, 0.05)])
+def test_mean_and_deviation_of_g_itself_are_those_of_a_sample(mean, sd):
+    g = 15.0 + np.random.default_rng(2).gamma(2.0, 3.0, 60)
+    y, _ = logarithmic(g)
+    sample = mean + sd * np.random.default_rng(3).standard_normal(200_000)
+    best, scale = g.min(), 0.25 * (np.median(g) - g.min())
+    raw = np.log1p((g - best) / scale)
+    of_sample = best + scale * np.expm1(sample * raw.std() + raw.mean())
+    expected, deviation = of_logarithm(g, np.array([mean]), np.array([sd]))
+    assert expected[0] == pytest.approx(of_sample.mean(), abs=0.01 * of_sample.std() + 1e-6)
+    assert deviation[0] == pytest.approx(of_sample.std(), rel=0.02)
+    certain, none = of_logarithm(g, y, np.zeros(60))
+    np.testing.assert_allclose(certain, g, rtol=1e-9)
+    assert not none.any()

@@ -20,12 +20,12 @@ from softclose.tables import parsed_tables
 
 Effort = Literal["try", "usual", "thorough"]
 
-EFFORTS: dict[Effort, tuple[int, int, int, int]] = {
-    "try": (60, 256, 0, 0),
-    "usual": (300, 1024, 0, 0),
-    "thorough": (120, 256, 6400, 8192),
+EFFORTS: dict[Effort, tuple[int, int, int]] = {
+    "try": (40, 256, 0),
+    "usual": (100, 1024, 0),
+    "thorough": (60, 8192, 7680),
 }
-"""Candidates of the search, its switches, candidates of the descents, switches of the finishing stage."""
+"""Candidates of the search, its switches, waveforms that descents try on the prior (0: the default)."""
 
 ROOM = 1.5
 """Largest voltage over the highest pull-in voltage of the lot: what lets a pulse outrun the stiffest switch."""
@@ -64,7 +64,7 @@ FILE = """#:schema ./softclose.schema.json
 [campaign]
 name = {name}
 seed = 1 # another seed is another search: two that agree are worth more than one
-budget = {budget} # candidates that the Gaussian process proposes
+budget = {budget} # candidates that the Gaussian process proposes, from a prior: the built-in model of this lot
 
 [population]
 # The lot. Its mean switch pulls in at {mean:.1f} V, the whole lot between {low:.1f} and {high:.1f} V.
@@ -90,14 +90,15 @@ max_open = {most_open:g} # beyond this share left open, candidates rank by the s
 warn_open = {most_open:g} # beyond this share left open, a warning is printed
 """
 
-DESCENTS = """
-[explore]
-budget = {explore} # candidates of independent descents
-n_descents = 6
+THOROUGH = """
+[optimiser]
+n_regions = 4 # trust regions of the process, one a basin of the prior
 
-[finish]
-budget = 808 # the best basins again, then a polish
-n_switches = {finish} # on many more switches
+[prior] # the built-in model on few switches, from which the process starts
+n_switches = 512
+budget = {descents} # waveforms that descents try on it before the first candidate
+polish = 1608 # the best basins again on all of its switches, then a polish
+looks = 36 # waveforms tried on it for each candidate
 
 [store]
 n_times = 101 # instants of each trajectory that is kept
@@ -116,8 +117,8 @@ def starting_file(start: Start) -> str:
     high = summary["U_pi_upper_V"]
     volts = start.max_volts if start.max_volts is not None else 5.0 * math.ceil(ROOM * high / 5.0)
     horizon = max(50.0, 10.0 * math.ceil(PERIODS * period / 10.0))
-    budget, n, explore, finish = EFFORTS[start.effort]
-    text = (FILE + DESCENTS * bool(explore)).format(
+    budget, n, descents = EFFORTS[start.effort]
+    text = (FILE + THOROUGH * bool(descents)).format(
         name=quoted(start.name),
         budget=budget,
         mean=summary["U_pi_mean_switch_V"],
@@ -135,8 +136,7 @@ def starting_file(start: Start) -> str:
         rise=start.min_rise_us,
         slow="" if start.min_rise_us <= RISE_OF_PERIOD * period else ", MORE than a quarter of the natural period",
         most_open=start.max_open,
-        explore=explore,
-        finish=finish,
+        descents=descents,
     )
     load_config(parsed_tables(text, "the campaign file", ConfigError))
     return text
