@@ -18,7 +18,7 @@ from softclose_store import DamageError, DriverStore, faults, open_campaign, rea
 from softclose_workflows.analyses.recompute import recompute, replay
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import prior as at_work
-from softclose_workflows.run.campaign import Driver
+from softclose_workflows.run.campaign import Driver, Progress
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.serial import SerialExecutor
 from softclose_workflows.run.faults import MAX_TRIES
@@ -163,6 +163,18 @@ def test_a_reader_sees_promise_prediction_and_deviation(whole: Path) -> None:
         assert np.isfinite(records[f"surrogate.{name}"][led]).all()
 
 
+def test_progress_shows_the_descents_on_the_prior_with_their_end(tmp_path: Path) -> None:
+    path, told = made(tmp_path / "a.zarr"), list[Progress]()
+    with DriverStore(path) as store:
+        Driver(store, SerialExecutor(), listener=told.append).run()
+    on_prior = [p for p in told if p.stage == "prior"]
+    assert [p.simulated for p in on_prior] == sorted({p.simulated for p in on_prior})
+    assert on_prior[-1].simulated == on_prior[-1].budget == 74
+    assert on_prior[-1].n_switches_done == 60 * 12 + 14 * 24
+    assert min(read_basins(str(path)).g_cm_s) >= on_prior[-1].best_g_cm_s > 0.0
+    assert told.index(on_prior[-1]) < next(i for i, p in enumerate(told) if p.committed)
+
+
 # Faults of the machine.
 
 
@@ -187,7 +199,7 @@ class Failing:
 
 def asking(executor: object, received: list[object]) -> PriorAtWork:
     config = load_config("current", SETTINGS)
-    return PriorAtWork("a.zarr", config, "f", executor, StopRequest(), received.append)
+    return PriorAtWork("a.zarr", config, "f", executor, StopRequest(), received.append, lambda found: None)
 
 
 def some_waveforms(n: int) -> list[object]:

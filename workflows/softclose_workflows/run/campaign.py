@@ -28,7 +28,7 @@ from softclose_workflows.run.executors import Executor
 from softclose_workflows.run.executors.protocol import Event
 from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
 from softclose_workflows.run.flight import Flight, Place, plan_tasks, recovered
-from softclose_workflows.run.prior import PriorAtWork, PriorOfStore
+from softclose_workflows.run.prior import Found, PriorAtWork, PriorOfStore
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import BlockResult, BlockTask
 
@@ -118,7 +118,13 @@ class Driver:
         if self.config.model.name == MEASURED:
             return PriorOfStore(self.store.path, self.config, keeps=True)
         return PriorAtWork(
-            self.store.path, self.config, self.store.fingerprint, self.executor, self.stop, self._receive
+            self.store.path,
+            self.config,
+            self.store.fingerprint,
+            self.executor,
+            self.stop,
+            self._receive,
+            self._report_prior,
         )
 
     def run(self) -> None:
@@ -297,6 +303,22 @@ class Driver:
         for o in observations:
             if o.usable and (o.n_switches, -o.rank_cm_s) > (self._best[0], -self._best[1]):
                 self._best = (o.n_switches, o.rank_cm_s, o.g_cm_s)
+
+    def _report_prior(self, found: Found) -> None:
+        """Before the first candidate: how far the descents on the prior have come."""
+        if self.listener is not None:
+            self.listener(
+                Progress(
+                    committed=0,
+                    simulated=found.tried,
+                    budget=self.config.prior.budget + self.config.prior.polish,
+                    stage="prior",
+                    best_g_cm_s=found.best_g_cm_s,
+                    n_switches_done=found.n_switches,
+                    n_workers=self.executor.n_workers,
+                    n_retries=self.executor.n_retries,
+                )
+            )
 
     def _report(self) -> None:
         if self.listener is None:

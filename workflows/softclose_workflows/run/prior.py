@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.propose.prior import Prior
 from softclose.propose.prior_basins import find_basins
@@ -73,6 +74,26 @@ def _prior_of(store: str, fingerprint: str) -> Prior:
     return Prior.of(campaign_of(store, fingerprint)[0])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """How far the descents on the prior have come."""
+
+    tried: int = 0
+    """Waveforms."""
+    n_switches: int = 0
+    """Switches under them, all together."""
+    best_g_cm_s: float = math.inf
+    """Least g on the prior so far [cm/s]."""
+
+    def after(self, g_cm_s: NDArray[np.float64], n_switches: int) -> Found:
+        """The same with more waveforms, on so many switches each."""
+        return Found(
+            tried=self.tried + len(g_cm_s),
+            n_switches=self.n_switches + len(g_cm_s) * n_switches,
+            best_g_cm_s=min(self.best_g_cm_s, float(np.min(g_cm_s[np.isfinite(g_cm_s)], initial=math.inf))),
+        )
+
+
 class Workers(Protocol):
     """What is used of an executor here, whose protocol knows the tasks of this module."""
 
@@ -101,19 +122,21 @@ class PriorAtWork:
     stop: StopRequest
     receive: Callable[[tuple[Any, Any]], None]
     """Takes what comes back meanwhile: the blocks of waves that are in flight."""
-    _finding: bool = False
+    told: Callable[[Found], None]
+    """Told after every wave of the descents on the prior."""
+    _finding: Found | None = None
 
     def basins(self) -> Basins:
         """As stored, or else found and stored, before anything of the campaign is."""
-        self._finding = True
+        self._finding = Found()
         try:
             return _stored_or_found(self.store, self.config, self.values, keeps=True)
         finally:
-            self._finding = False
+            self._finding = None
 
     def values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
         """The prior's g of each waveform, evaluated by whoever is free."""
-        if self._finding:
+        if self._finding is not None:
             faults.point("finding-basins")
         n = len(waveforms)
         each = max(math.ceil(n / max(2 * self.executor.n_workers, 1)), LEAST_IN_A_TASK)
@@ -133,7 +156,7 @@ class PriorAtWork:
         tries: Counter[int] = Counter()
         while len(found) < len(tasks):
             event = self.executor.next_event(POLL_S)
-            if self._finding and self.stop:
+            if self._finding is not None and self.stop:
                 raise PriorError from Stopped(
                     f"{self.stop.signal_name} received while the prior's basins were being found: nothing is committed "
                     "yet, and `softclose resume` finds them again"
@@ -150,10 +173,15 @@ class PriorAtWork:
             else:
                 self._again(done, outcome, tries)
         parts = [found[first] for first in sorted(found)]
-        return PriorValues(
+        values = PriorValues(
             g_cm_s=np.concatenate([part.g_cm_s for part in parts]) if parts else np.empty(0),
             failure=next((part.failure for part in parts if part.failure), ""),
         )
+        if self._finding is not None:
+            each_of = self.config.prior.n_switches if n_switches is None else n_switches
+            self._finding = self._finding.after(values.g_cm_s, each_of)
+            self.told(self._finding)
+        return values
 
     def _again(self, task: PriorTask, outcome: object, tries: Counter[int]) -> None:
         """A fault of the machine: tried elsewhere a few times, then the run stops."""
