@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 
 from small_campaigns import COARSE, make_campaign
 from softclose.evaluate import judge, respond
+from softclose.evaluate.pieces import here
 from softclose.opening import Released, judge_opening
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig, ConfigError, load_config
@@ -21,7 +22,7 @@ from softclose_workflows.analyses.certify import certify, fresh_switches, read_c
 from softclose_workflows.cli import main
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
-from softclose_workflows.run.opening import designed_opening, read_opening
+from softclose_workflows.run.opening import design_at_the_end, designed_opening, read_opening
 
 SETTINGS = (
     *COARSE,
@@ -226,3 +227,19 @@ def test_what_does_not_go_with_an_opening_is_refused(setting: str, said: str) ->
 def test_a_release_at_infinity_is_refused() -> None:
     with pytest.raises(ConfigError, match="release_us"):
         load_config({"opening": {"release_us": math.inf}})
+
+
+def test_a_run_says_that_it_designs_the_opening_and_only_where_it_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A campaign of three candidates showed nothing for as long as its brake took."""
+    path = make_campaign(tmp_path / "a.zarr", *SETTINGS, "opening.brake=3", "campaign.budget=2")
+    design_at_the_end(path, mapper=here, quiet=True)
+    assert capsys.readouterr().err == ""
+    again = make_campaign(tmp_path / "b.zarr", *SETTINGS, "opening.brake=3", "campaign.budget=2")
+    design_at_the_end(again, mapper=here)
+    said = capsys.readouterr().err
+    assert "designing how candidate" in said
+    assert "a brake of 3 tries, on 60 switches" in said
+    design_at_the_end(again, mapper=here)
+    assert capsys.readouterr().err == "", "it is designed already"

@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 import reference_pages
 
 from small_campaigns import COARSE, make_campaign
+from softclose.evaluate.pieces import here
 from softclose.metrics.objective import Judged, assess
 from softclose.population.lot import COLUMNS
 from softclose.propose.plan import engine_of
@@ -43,7 +44,7 @@ SETTINGS = (
 def store(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = make_campaign(tmp_path_factory.mktemp("whole") / "a.zarr", *SETTINGS)
     certify(path, n_switches=100, top=2)
-    design_at_the_end(path, threads=1)
+    design_at_the_end(path, mapper=here, quiet=True)
     return path
 
 

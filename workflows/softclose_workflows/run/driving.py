@@ -75,7 +75,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
         else:
             _check_whole(path)
         if whole.opening.is_designed:
-            design_at_the_end(path, mapper=Crew(opened, stop))
+            design_at_the_end(path, mapper=Crew(opened, stop), quiet=quiet)
 
 
 def _check_sizes(store: DriverStore, config: CampaignConfig, path: str) -> None:

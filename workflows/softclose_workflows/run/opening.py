@@ -166,11 +166,19 @@ def openings_of(config: CampaignConfig, arrays: Mapping[str, NDArray[Any]]) -> O
     return Openings(at_us=config.opening.release_us, plain=found[0], braked=found[1] if len(found) > 1 else None)
 
 
-def design_at_the_end(path: str, *, mapper: Mapper) -> None:
-    """What a finished campaign that designs an opening still has to do: that of its best candidate."""
-    best = open_campaign(path).best()
+def design_at_the_end(path: str, *, mapper: Mapper, quiet: bool = False) -> None:
+    """What a finished campaign that designs an opening still has to do: that of its best candidate.
+
+    quiet: nothing is said while it works, which may take as long as the campaign.
+    """
+    campaign = open_campaign(path)
+    best = campaign.best()
     if best is None:
         return
+    if not quiet and read_opening(path, best.candidate) is None:
+        o = campaign.config["opening"]
+        brake = f"a brake of {o['brake']:,} tries" if o["brake"] else "without a brake"
+        say(f"designing how candidate {best.candidate} opens, {brake}, on {o['n_switches']:,} switches …", err=True)
     try:
         designed_opening(path, best.candidate, mapper=mapper)
     except OpeningError as e:
