@@ -76,7 +76,7 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 
 long: env-test  ## what `make test` leaves out: every case of the claims that take minutes
 	PYTHONPATH=tests $(BIN)/python -m compile_kernels
-	$(BIN)/python -m pytest -m long --numprocesses $(TESTERS) --dist worksteal
+	SOFTCLOSE_WHOLE=1 $(BIN)/python -m pytest -m long --numprocesses $(TESTERS) --dist worksteal
 
 wheel: env  ## the wheel, installed elsewhere: a small run and its report from an empty folder
 	rm -rf build/wheel && mkdir -p build/wheel/empty

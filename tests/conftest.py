@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from examples import examples, is_whole
 from not_run import (  # noqa: F401 - hooks of pytest
     pytest_deselected,
     pytest_sessionfinish,
@@ -20,7 +21,7 @@ from not_run import (  # noqa: F401 - hooks of pytest
 from programs import require
 
 # A deadline is a claim about the machine: on a busy one the same example passes the next time.
-settings.register_profile("softclose", deadline=None)
+settings.register_profile("softclose", deadline=None, max_examples=examples(100))
 settings.load_profile("softclose")
 
 
@@ -45,6 +46,14 @@ def another_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def ngspice() -> str:
     """The circuit simulator."""
     return require("ngspice")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Properties are tried again in `make long`, on all their examples."""
+    for item in items:
+        if is_whole() and getattr(getattr(item, "obj", None), "is_hypothesis_test", False):
+            item.add_marker("long")
 
 
 @pytest.hookimpl(wrapper=True)

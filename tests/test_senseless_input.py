@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose import Pulse, Waveform, load_population, simulate
 from softclose.device.simulate import SimulationError
 from softclose.metrics.objective import ObjectiveError, assess
@@ -51,7 +52,7 @@ def _with(table: dict[str, Any], at: tuple[Any, ...], value: Any) -> dict[str, A
     return changed
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(400), suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())
 def test_a_model_of_modes_is_read_or_refused(data: st.DataObject) -> None:
     table = data.draw(st.sampled_from(MODES))
@@ -62,7 +63,7 @@ def test_a_model_of_modes_is_read_or_refused(data: st.DataObject) -> None:
         assert len(str(e)) < 2000  # noqa: PT017
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(400), suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())
 def test_a_population_is_read_or_refused(data: st.DataObject) -> None:
     from softclose.population.files import _build

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from modal_reference import ModalSwitch, oracle
 from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, simulate
 from softclose.device.simulate import Responses, Status
@@ -56,7 +57,7 @@ def further(draw: st.DrawFn) -> ReducedOrder:
     return ReducedOrder(mode=(first, *above))
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=examples(12), deadline=None, derandomize=True)
 @given(modes=st.composite(further)(), volts=st.floats(60.0, 150.0), fall=st.floats(40.0, 90.0))
 def test_every_impact_and_every_ending_is_that_of_the_constraint(
     modes: ReducedOrder, volts: float, fall: float

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest, spearmanr
 
+from examples import examples
 from softclose import Population, load_population
 from softclose.population import VARIABLES, PopulationError
 from softclose.population.calibrate import calibrate, write_calibration
@@ -42,7 +43,7 @@ def test_ranks_correlate_as_asked_for_and_each_distribution_stays(sampling):
         assert kstest(x[:, i], lambda value, q=q, p=p: np.interp(value, q, p)).statistic < 0.02
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(st.floats(-0.95, 0.95))
 def test_the_mean_stiffness_is_that_of_the_correlated_lot(rho):
     population = correlated(("E", "T", rho))

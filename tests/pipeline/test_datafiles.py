@@ -15,6 +15,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose.datafiles import TableError, parsed_columns
 from softclose.datafiles.numerals import STYLES, Style
 from softclose.datafiles.units import known_unit, name_and_unit
@@ -194,7 +195,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("brought") / "scope.csv"
 
 
-@settings(HOW, max_examples=400)
+@settings(HOW, max_examples=examples(400))
 @given(layout=LAYOUTS)
 @example(layout=Layout(decimal=",", thousands="."))
 @example(layout=Layout(delimiter=";", decimal=",", thousands=".", time="ns", volt="mV"))
@@ -218,7 +219,7 @@ def test_a_drive_comes_out_as_it_was_written_or_is_refused_with_its_line(layout:
     np.testing.assert_allclose(found.volts, volts, rtol=1e-12, atol=1e-12)
 
 
-@settings(HOW, max_examples=150)
+@settings(HOW, max_examples=examples(150))
 @given(layout=LAYOUTS)
 def test_what_says_everything_is_read(layout: Layout, file: Path) -> None:
     """The same, of files that leave no doubt: a refusal of all would pass the claim above."""
@@ -246,7 +247,7 @@ DEVICES = {
 LENGTHS = {"nm": 1e3, "um": 1.0, "mm": 1e-3, "µm": 1.0}
 
 
-@settings(HOW, max_examples=150)
+@settings(HOW, max_examples=examples(150))
 @given(
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "latin-1"]),
     ending=st.sampled_from(["\n", "\r\n", "\r"]),
@@ -307,7 +308,7 @@ def test_devices_come_out_as_they_were_written_or_are_refused(
     assert any("several lines" in note for note in found.notes) == twice
 
 
-@settings(HOW, max_examples=400)
+@settings(HOW, max_examples=examples(400))
 @given(data=st.one_of(st.binary(max_size=300), st.text(max_size=300).map(lambda s: s.encode("utf-8", "surrogatepass"))))
 @example(data=b"")
 @example(data=b"\xff\xfe")

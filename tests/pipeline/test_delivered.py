@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from examples import examples
 from softclose import Losses, Pulse, Waveform, load_population, simulate
 from softclose.device.simulate import SimulationError
 from softclose.kernel.pieces import flatten, tangent, voltage
@@ -56,7 +57,7 @@ def system(drive: Delivered) -> Any:
     return signal.StateSpace(signal.TransferFunction([natural**2], [1.0, 2.0 * z * natural, natural**2]))
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(drive=delivered())
 def test_what_is_delivered_solves_the_low_pass(drive: Delivered) -> None:
     """Against scipy's matrix exponential on a fine grid, in which a command of lines is exact."""
@@ -73,7 +74,7 @@ def test_what_is_delivered_solves_the_low_pass(drive: Delivered) -> None:
     assert len(drive.flat(120.0)[0]) <= 2 * len(flatten_pulses(drive.command, 120.0)[0]) + 1
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(drive=delivered(), horizon=st.floats(5.0, 300.0))
 def test_the_pieces_cover_the_horizon_and_join(drive: Delivered, horizon: float) -> None:
     flat = drive.flat(horizon)
@@ -87,7 +88,7 @@ def test_the_pieces_cover_the_horizon_and_join(drive: Delivered, horizon: float)
     np.testing.assert_allclose(before, after, atol=2.0 * CUT_VOLTS)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(drive=delivered(), part=st.floats(0.0, 1.0))
 def test_the_tangent_and_its_bound_are_those_of_the_voltage(drive: Delivered, part: float) -> None:
     flat = flatten(drive, 250.0)
@@ -102,7 +103,7 @@ def test_the_tangent_and_its_bound_are_those_of_the_voltage(drive: Delivered, pa
             assert abs(voltage.py_func(*flat, i, t + s) - u - slope * s) <= 0.5 * bend * s * s * (1 + 1e-9) + 1e-9
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(drive=delivered(), seed=st.integers(0, 2**32 - 1), restitution=st.floats(0.05, 0.9))
 def test_the_kernel_agrees_with_its_twin(drive: Delivered, seed: int, restitution: float) -> None:
     table = np.random.default_rng(seed).uniform((1.8, 3.6, 45.0, 2.8), (2.8, 4.4, 90.0, 4.2), size=(8, 4))
@@ -129,7 +130,7 @@ def test_a_fast_low_pass_is_hardly_one() -> None:
     np.testing.assert_array_equal(hardly.closed, none.closed)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(
     drive=delivered(),
     volts=st.floats(0.9, 1.1),

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import by_hand
 from conditions_of_campaigns import CONDITIONS, DRIVE, compatible, config
+from examples import examples
 from softclose import Trace
 from softclose.conditions.streams import Ensemble, Stream, StreamError, check
 from softclose.evaluate import coordinates, draw, evaluate, realise, respond, uniforms
@@ -29,7 +30,18 @@ from softclose.uncertainty.sensitivity import sensitivity
 from softclose.uncertainty.tolerance import DriveError, drive_tolerance
 
 N = 16
-EACH = pytest.mark.parametrize("name", CONDITIONS)
+SHARE = 4
+"""Each analysis is tried under one condition in so many in `make test`, each under others; under all in `make long`."""
+
+
+def each(first: int) -> pytest.MarkDecorator:
+    """Every condition; long but for each fourth from `first` on."""
+    names = enumerate(CONDITIONS)
+    return pytest.mark.parametrize(
+        "name", [pytest.param(name, marks=() if i % SHARE == first % SHARE else pytest.mark.long) for i, name in names]
+    )
+
+
 SAME_AS_PLAIN = {"closed in time"}
 """Conditions under which the motion is the plain one, only how it is judged is not."""
 
@@ -50,7 +62,7 @@ def differs(a, b) -> bool:  # type: ignore[no-untyped-def]
     return bool((np.abs(x - y) > 1e-5).sum() > len(x) // 4)
 
 
-@EACH
+@each(0)
 def test_a_response_is_that_of_each_switch_under_its_own_drive(name: str) -> None:
     c = config(name)
     lot = draw(c, N, seed=3)
@@ -60,7 +72,7 @@ def test_a_response_is_that_of_each_switch_under_its_own_drive(name: str) -> Non
     assert name in SAME_AS_PLAIN or differs(found, respond(plain, draw(plain, N, seed=3), DRIVE))
 
 
-@EACH
+@each(1)
 def test_a_recorded_drive_reaches_every_switch_scaled_as_its_own(name: str) -> None:
     t = np.linspace(0.0, 250.0, 501)
     trace = Trace(t, DRIVE.voltage(t))
@@ -68,7 +80,7 @@ def test_a_recorded_drive_reaches_every_switch_scaled_as_its_own(name: str) -> N
     close(respond(c, draw(c, 8, seed=3), trace), by_hand.respond(c, by_hand.rows(c, 8, seed=3), trace))
 
 
-@EACH
+@each(2)
 def test_a_drive_for_everybody_is_tailored_to_no_switch_and_keeps_its_errors(name: str) -> None:
     c = config(name)
     found = respond(c, draw(c, 8, seed=3), DRIVE, for_everybody=True)
@@ -79,14 +91,14 @@ PAIRS = [pair for pair in itertools.combinations(CONDITIONS, 2) if compatible(pa
 TRIPLES = [three for three in itertools.combinations(CONDITIONS, 3) if compatible(three)]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(st.sampled_from([*PAIRS, *TRIPLES]), st.integers(0, 2**16))
 def test_conditions_compose(names: tuple[str, ...], seed: int) -> None:
     c = config(*names)
     close(respond(c, draw(c, 4, seed=seed), DRIVE), by_hand.respond(c, by_hand.rows(c, 4, seed=seed), DRIVE))
 
 
-@EACH
+@each(3)
 def test_an_assessment_is_that_of_the_switches_by_hand(name: str) -> None:
     from softclose.evaluate import judge
 
@@ -97,7 +109,7 @@ def test_an_assessment_is_that_of_the_switches_by_hand(name: str) -> None:
     assert a.mean_cm_s == pytest.approx(wanted.mean_cm_s, rel=0.02)
 
 
-@EACH
+@each(4)
 def test_tolerance_starts_from_the_lot_under_its_conditions_and_a_gain_reaches_every_drive(name: str) -> None:
     c = config(name)
     lot = draw(c, N, seed=2)
@@ -108,7 +120,7 @@ def test_tolerance_starts_from_the_lot_under_its_conditions_and_a_gain_reaches_e
     assert high.assessment.mean_cm_s == pytest.approx(100.0 * np.nanmean(wanted.max_contact_speed), rel=0.01)
 
 
-@EACH
+@each(5)
 def test_a_slew_rate_of_a_tolerance_is_the_amplifier_s(name: str) -> None:
     c = config(name)
     lot = draw(c, 8, seed=2)
@@ -117,7 +129,7 @@ def test_a_slew_rate_of_a_tolerance_is_the_amplifier_s(name: str) -> None:
     assert row.assessment == evaluate(slower, lot, DRIVE, fresh=True)
 
 
-@EACH
+@each(6)
 @pytest.mark.parametrize("kind", ["stiffness", "charge"])
 def test_drift_moves_the_lot_under_its_conditions(name: str, kind: str) -> None:
     c = config(name)
@@ -133,7 +145,7 @@ def test_drift_moves_the_lot_under_its_conditions(name: str, kind: str) -> None:
     assert found.mean_cm_s == pytest.approx(100.0 * np.nanmean(wanted.max_contact_speed), rel=0.02)
 
 
-@EACH
+@each(7)
 def test_the_space_of_rare_failures_is_the_lot_with_all_that_its_conditions_draw(name: str) -> None:
     c = config(name)
     u = uniforms(c, N, seed=4)
@@ -160,7 +172,7 @@ def test_reliability_methods_agree_with_brute_force(name: str, method: str) -> N
     assert other.probability == pytest.approx(brute.probability, rel=0.4)
 
 
-@EACH
+@each(8)
 def test_sensitivity_has_an_index_for_everything_that_is_drawn(name: str) -> None:
     c = config(name)
     n = 16
@@ -173,7 +185,7 @@ def test_sensitivity_has_an_index_for_everything_that_is_drawn(name: str) -> Non
     assert found.p_closed == pytest.approx(in_time(r, c.objective.closed_by_us).mean(), abs=0.12)
 
 
-@EACH
+@each(9)
 def test_propagation_keeps_the_conditions_of_the_lot_that_is_believed(name: str) -> None:
     c = config(name)
     population = c.build_population()
@@ -190,7 +202,7 @@ def test_propagation_keeps_the_conditions_of_the_lot_that_is_believed(name: str)
     assert found.assessment.mean_cm_s == pytest.approx(100.0 * np.nanmean(wanted.max_contact_speed), rel=0.02)
 
 
-@EACH
+@each(10)
 def test_a_lot_opens_under_its_conditions(name: str) -> None:
     """Held and stuck by hand: where a switch is when its own drive lets go."""
     c = config(name, opening={"release_us": 300.0, "watch_us": 120.0})

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose.population import PopulationError
 from softclose.population.expression import FUNCTIONS, ExpressionError, parsed
 from softclose.population.formula import Formula
@@ -58,7 +59,7 @@ LEAVES = st.sampled_from([(name, np.float64(x)) for name, x in VALUES.items()]) 
 FORMULAS = st.recursive(LEAVES, lambda inner: _grown(inner), max_leaves=12)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(data=st.data())
 def test_a_formula_is_computed_as_numpy_computes_it_step_by_step(data: st.DataObject) -> None:
     with np.errstate(all="ignore"):
@@ -88,7 +89,7 @@ def test_each_switch_is_computed_alone(data: st.DataObject, n: int, i: int) -> N
     np.testing.assert_array_equal(np.broadcast_to(part, n), whole)
 
 
-@settings(max_examples=500)
+@settings(max_examples=examples(500))
 @given(
     st.one_of(
         st.text(max_size=60),

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose import Pulse, Waveform, load_population, simulate
 from softclose.kernel.pieces import flatten, voltage
 from softclose.waveform import Fitted, Trace, WaveformError
@@ -18,7 +19,7 @@ T = np.arange(0.0, 250.05, 0.05)
 STEPS = st.lists(st.tuples(st.floats(0.01, 3.0), st.floats(-120.0, 120.0)), min_size=2, max_size=60)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(steps=STEPS, tolerance=st.floats(1e-3, 5.0), horizon=st.floats(0.5, 250.0))
 def test_every_sample_is_met_to_the_tolerance_and_the_pieces_join(
     steps: list[tuple[float, float]], tolerance: float, horizon: float

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from reference import EPS0_F_PER_M, reference
 from softclose import Pulse, Waveform, simulate
 from softclose.device.simulate import Status
@@ -56,7 +57,7 @@ def waveforms(draw: st.DrawFn) -> Waveform:
 
 @pytest.mark.slow
 @METHODS
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=examples(10), deadline=None, derandomize=True)
 @given(switch=switches, waveform=waveforms())
 def test_agrees_with_the_slow_oracle(method, switch, waveform):
     slow = reference(switch, waveform)
@@ -76,7 +77,7 @@ def test_agrees_with_the_slow_oracle(method, switch, waveform):
         assert fast.first_contact_us[0] == fast.impact_time_us[0, 0]
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(waveform=waveforms(), seed=st.integers(0, 2**32 - 1))
 def test_the_kernel_agrees_with_its_twin_at_a_thousand_times_its_tolerance(waveform, seed):
     rng = np.random.default_rng(seed)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from modal_reference import ModalSwitch
 from softclose import Losses, Pulse, Waveform, load_population, simulate
 from softclose.device.simulate import SimulationError
@@ -43,7 +44,7 @@ def waveforms(draw: st.DrawFn) -> Waveform:
     return Waveform(pulses)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(losses=lossy(), waveform=waveforms(), seed=st.integers(0, 2**32 - 1), restitution=st.floats(0.05, 0.95))
 def test_the_kernel_agrees_with_its_twin(losses: Losses, waveform: Waveform, seed: int, restitution: float) -> None:
     table = np.random.default_rng(seed).uniform((1.8, 3.6, 45.0, 2.8), (2.8, 4.4, 90.0, 4.2), size=(8, 4))
@@ -175,7 +176,7 @@ def test_the_series_solve_their_equation(driven: bool, film: bool, order: int) -
         assert x.deriv(2)(h) == pytest.approx(right, abs=1e-6 if order == 9 else 1e-13)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(
     force=st.floats(0.01, 1.0), drag=st.floats(0.0, 2.0), first=st.floats(1e-3, 0.02), restitution=st.floats(0.1, 0.6)
 )

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.sparse import diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
+from examples import examples
 from modal_reference import EPS0, oracle
 from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, read_reduced_order, simulate
 from softclose.device.simulate import SimulationError
@@ -29,7 +30,7 @@ TWO = (
 )
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=examples(15), deadline=None, derandomize=True)
 @given(
     rise=st.floats(4.0, 20.0), peak=st.floats(0.0, 30.0), volts=st.floats(60.0, 150.0), seed=st.integers(0, 2**31 - 1)
 )

@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import qmc
 
+from examples import examples
 from softclose.population.nets import MOST_DIMENSIONS, MOST_POINTS, scrambled_sobol
 from softclose.propose.sobol import sobol_points
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.integers(1, MOST_DIMENSIONS), st.integers(0, 3000), st.integers(1, 3000), st.integers(0, 9))
 def test_points_are_scipy_s_wherever_a_piece_begins(dim: int, start: int, n: int, seed: int) -> None:
     engine = qmc.Sobol(dim, scramble=True, rng=np.random.default_rng(seed))

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose.baselines import deterministic_design
 from softclose.device import cost
 from softclose.evaluate import draw, respond
@@ -30,7 +31,7 @@ def sent_off(function: Callable[[Any], Any], pieces: Iterable[Any], /) -> Iterat
     return (pickle.loads(pickle.dumps(function(pickle.loads(pickle.dumps(piece))))) for piece in pieces)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(st.integers(1, 30_000), st.integers(1, 12), st.sampled_from([PLAIN, LOSSY]))
 def test_pieces_cover_every_row_once_and_in_order(n: int, n_waveforms: int, config: Any) -> None:
     pieces = rows_of_pieces(config, n, n_waveforms=n_waveforms)

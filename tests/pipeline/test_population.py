@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from examples import examples
 from softclose import Population, load_population
 from softclose.population import VARIABLES, population_names, switches_from_parameters
 from softclose.population.distributions import Bounded, PopulationError
@@ -173,7 +174,7 @@ def test_an_ensemble_begins_at_its_first_switch_where_nothing_is_said() -> None:
     assert population.sample(2, seed=1)[1].tolist() == population.sample(1, seed=1, start=1)[0].tolist()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(
     n=st.integers(1, 300),
     start=st.integers(0, 300),

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose.device.protocol import CannotSimulate
 from softclose.evaluate import draw, respond
 from softclose.evaluate.judging import judge, objective_settings
@@ -119,7 +120,7 @@ def campaign(config, help_, middle=0.45, failing=()):
 
 
 @seed(7)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     n=st.integers(1, 80),
     touching=st.floats(0.0, 1.0),
@@ -349,7 +350,7 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
 
 
 @seed(11)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(mean=st.floats(-2.0, 3.0), sd=st.floats(0.01, 0.8))
 def test_mean_and_deviation_of_g_are_those_of_a_sample(mean, sd):
     scale = Scale(best_cm_s=15.0)

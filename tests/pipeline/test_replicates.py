@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from examples import examples
 from softclose import load_population
 from softclose.metrics import replicates
 from softclose.metrics.intervals import clopper_pearson
@@ -37,7 +38,7 @@ def _points(n: int, seed: int, sampling: str) -> np.ndarray:
     return _uniforms(n, seed=seed, sampling=sampling, start=0, stream=0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(st.integers(1, 90), st.integers(0, 70), st.integers(0, 5))
 def test_any_part_of_an_ensemble_is_that_of_the_whole(n: int, start: int, seed: int) -> None:
     whole = LOT.sample(start + n, seed=seed, sampling="replicated")
@@ -54,7 +55,7 @@ def test_switches_of_one_scrambling_are_a_net_and_scramblings_differ() -> None:
     assert not np.array_equal(u, _points(64 * R, 4, "replicated"))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(st.integers(R, 400), st.integers(0, 9))
 def test_the_figures_of_a_scrambling_are_those_of_its_switches_alone(n: int, seed: int) -> None:
     response = _judged(np.random.default_rng(seed).random((n, 4)))

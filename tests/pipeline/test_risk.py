@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from examples import examples
 from softclose import Waveform, assess
 from softclose.evaluate import draw, evaluate, judge, respond
 from softclose.metrics.objective import Judged, ObjectiveError, in_time
@@ -23,7 +24,7 @@ def judged(v_cm_s, closed=None):
     return Judged(max_contact_speed=v, closed=closed, status=np.zeros(v.size, dtype=np.int8))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(arrays(float, st.integers(5, 60), elements=st.floats(0.0, 80.0)), st.sampled_from([0.5, 0.8, 0.9, 0.99]))
 def test_cvar_is_the_mean_of_the_worst_switches(v, level):
     """By the definition: the mean of the quantile function beyond the level, a step function of the sorted sample."""

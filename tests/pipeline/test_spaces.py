@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose.waveform import Pulse, Waveform
 from softclose.waveform.spaces import SPACES, Scales, SpaceError, build_space
 
@@ -47,7 +48,7 @@ def test_every_parameter_of_every_pulse_is_free(name, dim):
     assert free.sum() == dim
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     data=st.data(),
     name=st.sampled_from(sorted(SPACES)),
@@ -84,7 +85,7 @@ def test_an_overlap_above_the_limit_is_delayed_until_it_just_fits():
     assert waveform.pulses[1].start_us > 0.0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(data=st.data(), name=st.sampled_from(sorted(SPACES)), volts=st.sampled_from([90.0, 150.0]))
 def test_many_points_are_mapped_as_each_alone_and_what_was_repaired_stays(data, name, volts):
     space = space_of(name, max_volts=volts)
@@ -127,7 +128,7 @@ def test_another_form_is_refused_with_what_was_expected():
         space_of("two-pulse-paper").unit(Waveform([Pulse(0, 5, 3, 150), Pulse(20, 4, math.inf, 80)]))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(
     data=st.data(),
     n_pulses=st.sampled_from([2, 3]),

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from examples import examples
 from softclose import load_population
 from softclose.evaluate.chain import chain_of
 from softclose.kernel.dispatch import devices
@@ -34,7 +35,7 @@ def problem(population: str = "current", space: str = "three-pulse-full", seed: 
     )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(
     point=st.lists(st.floats(0.05, 0.95), min_size=10, max_size=10),
     switch=st.integers(0, 8),

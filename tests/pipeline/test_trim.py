@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import by_hand
+from examples import examples
 from softclose import Pulse, Waveform, simulate
 from softclose.conditions.streams import Ensemble
 from softclose.conditions.trim import Tailored, Trim, TrimError, limited, trim_of
@@ -47,7 +48,7 @@ SCALES = ("voltage_scale", "time_scale")
 # A scaled drive.
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(
     a=st.floats(0.7, 1.4),
     b=st.floats(0.7, 1.4),

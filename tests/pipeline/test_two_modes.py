@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, simulate
 from softclose.kernel import dispatch, generate_series
 from softclose.switch.reduced_order import CompliantContact, Dielectric, Mode
@@ -59,7 +60,7 @@ def drives(draw: st.DrawFn) -> Waveform | Delivered:
     return Delivered(command=command, bandwidth_kHz=60.0) if draw(st.booleans()) else command
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=examples(15), deadline=None, derandomize=True)
 @given(modes=models(), drive=drives(), seed=st.integers(0, 2**32 - 1), adhesion=st.sampled_from([0.0, 40.0]))
 def test_the_kernel_agrees_with_its_twin(
     modes: ReducedOrder, drive: Waveform | Delivered, seed: int, adhesion: float

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowl import bits, observe, problem_of, run, with_g
+from examples import examples
 from softclose.propose.descents import AGAIN, Descent
 from softclose.propose.design import design_point
 from softclose.propose.explore import explore_ladder
@@ -31,7 +32,7 @@ def exploring(turns=2, budget=8, **explore):
 # The plan.
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     search=st.integers(0, 70),
     explore=st.integers(0, 400),

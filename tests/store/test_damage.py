@@ -8,6 +8,9 @@ import pytest
 
 from damage import KINDS, Case, make_cases, run_round
 
+SHORT = ("flip", "delete", "four at once")
+"""Kinds of `make test`; all in `make long`."""
+
 
 @pytest.fixture(scope="module")
 def cases(tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
@@ -15,7 +18,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=() if k in SHORT else pytest.mark.long) for k in KINDS])
 def test_a_damage_is_found_and_repaired_in_one_pass(kind: str, cases: list[Case], tmp_path: Path) -> None:
     at = KINDS.index(kind) * len(cases)
     for number in range(at, at + len(cases)):

@@ -21,6 +21,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from small_store import create, recompute, run
 from softclose_store import DamageError, DriverStore, StoreError, open_campaign, repair, store_state, verify
 from softclose_store.read.bounds import MOST_WORDS_BYTES, Bound
@@ -121,7 +122,9 @@ FORGED: dict[str, Change] = {
 }
 
 
-@pytest.mark.parametrize("forged", FORGED)
+@pytest.mark.parametrize(
+    "forged", [pytest.param(n, marks=() if i % 5 == 0 else pytest.mark.long) for i, n in enumerate(FORGED)]
+)
 def test_a_root_of_wrong_types_or_sizes_is_refused_in_one_line_and_rebuilt(
     forged: str, whole: Path, store: Path
 ) -> None:
@@ -227,7 +230,7 @@ def test_text_nested_deep_anywhere_is_refused(open_at: bytes, store: Path) -> No
 
 
 @given(st.integers(1, MOST_DEEP), st.text(max_size=20), st.booleans())
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_brackets_within_words_are_no_depth(depth: int, word: str, lists: bool) -> None:
     value: Any = word + "[{" * 100
     for _ in range(depth):

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
+from examples import examples
 from small_store import create, layout
 from softclose_store import (
     DriverStore,
@@ -22,7 +23,7 @@ from softclose_store import (
 from softclose_store.write.create import differences
 
 SETTINGS = settings(
-    max_examples=12,
+    max_examples=examples(12),
     deadline=None,
     suppress_health_check=list(HealthCheck),
     derandomize=True,

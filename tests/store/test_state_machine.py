@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 import small_store
+from examples import examples
 from small_store import ALGORITHM, CONFIG, EXTENSION, create, layout, recompute, run_wave, write_wave
 from softclose_store import (
     DamageError,
@@ -199,7 +200,7 @@ class Store(RuleBasedStateMachine):
 
 
 Store.TestCase.settings = settings(
-    max_examples=15,
+    max_examples=examples(15),
     stateful_step_count=16,
     deadline=None,
     suppress_health_check=list(HealthCheck),

@@ -47,7 +47,13 @@ def close(found, wanted) -> None:  # type: ignore[no-untyped-def]
     assert (np.asarray(found.closed) != wanted.closed).sum() <= 1
 
 
-@pytest.fixture(scope="module", params=CONDITIONS)
+SHORT = ("trim by both", "slew and resolution", "worst temperature", "film")
+"""Conditions of `make test`: of trim, amplifier, temperature and losses; all of them in `make long`."""
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(n, marks=() if n in SHORT else pytest.mark.long, id=n) for n in CONDITIONS]
+)
 def campaign(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, CampaignConfig]:
     """A tiny campaign under each condition, run to its end in this process, its best certified."""
     data = {k: dict(v) for k, v in TINY.items()}

@@ -14,6 +14,7 @@ from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import examples
 from softclose.waveform import Pulse, Waveform
 from softclose_store import open_campaign
 from softclose_workflows.cli import main
@@ -44,7 +45,7 @@ pulses = st.builds(
 
 
 @given(waveform=st.lists(pulses, min_size=1, max_size=3).map(Waveform), tolerance=st.sampled_from([1e-1, 1e-3]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_straight_lines_stay_within_the_stated_error_everywhere(waveform: Waveform, tolerance: float) -> None:
     line = draw(waveform, tolerance)
     assert line.times_us[0] == 0.0
