@@ -477,9 +477,18 @@ def ask(case: Case, command: tuple[str, ...], out: Path) -> Result:
 
 
 def run_case(
-    case: Case, kind: str, damage: str, commands: dict[str, tuple[str, ...]], *, repair: bool = True
+    case: Case,
+    kind: str,
+    damage: str,
+    commands: dict[str, tuple[str, ...]],
+    *,
+    repair: bool = True,
+    turn: int | None = None,
 ) -> list[str]:
-    """Everything that is wrong about the answers to one damage."""
+    """Everything that is wrong about the answers to one damage. turn: two of the commands that meet it, which in turn.
+
+    None: all of them.
+    """
     key = case.kinds[kind]
     out, outside = case.path.parent / "out", case.path.parent / "outside"  # answers name where they were written
     wrong = []
@@ -505,6 +514,9 @@ def run_case(
     changed = difference(case, told)
     met = {name for name in commands if case.looks[name].sees(changed) or _drawn(case, kind, damage, name)}
     case.spared += len(commands) - len(met)
+    if turn is not None:
+        ordered = sorted(met)
+        met = {ordered[(2 * turn + n) % len(ordered)] for n in range(2)} if met else met
     for name in sorted(met & READING.keys()):
         asked(name, commands[name], lambda answer, name=name: _answer(case, name, answer, key, told))
     assert now(case) == told, f"{kind} {damage}: a command that reads has written"
