@@ -31,7 +31,7 @@ class PriorSection:
     """Switches of the prior, Sobol points of the lot."""
     n_exploring: SwitchCount = 128
     """The first of them, on which the descents find the basins."""
-    budget: Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)] = 2560
+    budget: Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)] = 3840
     """Waveforms that the descents try on the prior."""
     n_descents: Annotated[int, Field(ge=1, le=64, strict=True)] = 6
     """Descents begun on the prior."""

@@ -24,7 +24,8 @@ def warm_started(config: CampaignConfig) -> CampaignConfig:
     problem = Problem(config)
     usable = [o for o in found if o.usable and _fits(config, o)]
     most = max((o.n_switches for o in usable), default=0)
-    wanted = min(w.initial_count, config.campaign.budget)
+    regions = config.optimiser.n_regions if config.has_prior else 0  # each has a candidate of its own
+    wanted = min(w.initial_count, config.campaign.budget - regions)
     chosen: list[Observation] = []
     for judged in ([o for o in usable if o.n_switches == most], [o for o in usable if o.n_switches < most]):
         chosen += distinct_basins(problem, judged, wanted - len(chosen), config.finish.distance)
