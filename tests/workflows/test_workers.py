@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from softclose import ALGORITHM
+from softclose import ALGORITHM, load_config
 from softclose_store import open_campaign
+from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.workers import probe
 
 PROGRAM = """
@@ -36,6 +38,14 @@ assert compiled() == 1, compiled()
 def test_a_worker_has_the_kernel_before_its_first_task() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_worker_without_the_model_of_the_prior_says_so(tmp_path: Path) -> None:
+    store = str(tmp_path / "a.zarr")
+    known = load_config("current", ["population.n_switches=64", "store.n_times=11"])
+    config = replace(known, prior=replace(known.prior, model="nowhere"))  # as on a machine that has it
+    create_store(config, store)
+    assert "prior.model: no device model named 'nowhere'" in probe(store, config.fingerprint(), ALGORITHM)
 
 
 def test_a_worker_without_the_memory_for_a_block_says_so(finished_store: Path) -> None:

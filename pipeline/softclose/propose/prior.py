@@ -61,10 +61,12 @@ class Prior:
         g = np.full(len(waveforms), np.nan)
         objective = self.config.objective
         settings = {name: v for name, v in objective_settings(self.config).items() if name not in NOT_OF_G}
+        most = self.config.waveform.max_volts
         lot, failure = self.lot.rows(slice(n_switches)), ""
         for i, waveform in enumerate(waveforms):
             try:
-                response = respond(self.config, lot, waveform, max_volts=self.config.waveform.max_volts)
+                # float32 is what is kept of x and v, of which there is nothing here: the kernel of the blocks serves.
+                response = respond(self.config, lot, waveform, max_volts=most, dtype=np.float32)
             except Exception as e:
                 if not is_own_word(e):
                     raise PriorError(f"the prior could not be evaluated ({type(e).__name__}: {e})") from e

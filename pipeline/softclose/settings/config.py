@@ -26,7 +26,7 @@ from softclose.conditions.temperature import TemperatureSection
 from softclose.conditions.trim import TrimSection
 from softclose.device.options import options_of
 from softclose.naming import nearest
-from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE
+from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, ModelError
 from softclose.population import Population, load_population
 from softclose.settings.campaign import CampaignSection, PopulationSection, extension_size
 from softclose.settings.errors import ConfigError
@@ -265,9 +265,16 @@ class CampaignConfig:
         need the plug-ins.
         """
         ENGINES.check(self.optimiser.engine)
+        self.check_models()
+
+    def check_models(self) -> None:
+        """Raise ModelError where this machine lacks the device model, or that of the prior."""
         MODELS.check(self.model.name)
         if self.has_prior:
-            MODELS.check(self.prior.model)
+            try:
+                MODELS.check(self.prior.model)
+            except ModelError as e:
+                raise ModelError(f"prior.model: {e}") from e
 
     def with_options(self) -> CampaignConfig:
         """The same campaign with every option of its device model written out, so that they are part of its identity.

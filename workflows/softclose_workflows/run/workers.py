@@ -42,7 +42,6 @@ def probe(store: str, fingerprint: str, algorithm: str, dask_worker: Any = None)
     The versions, the store as it is seen from here, a write to it, the kernel, the memory: in the order in which they
     are needed. dask_worker: Dask gives it, by this very name.
     """
-    from softclose.plugins import MODELS
     from softclose_store import check_writable
     from softclose_workflows.run.block_memory import too_large_for
     from softclose_workflows.run.tasks import campaign_of
@@ -57,7 +56,7 @@ def probe(store: str, fingerprint: str, algorithm: str, dask_worker: Any = None)
         return ""
     try:
         config, _ = campaign_of(store, fingerprint)
-        MODELS.check(config.model.name)
+        config.check_models()
         check_writable(store)
         warm_up()
     except Exception as e:
