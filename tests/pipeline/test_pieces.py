@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import pickle
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from examples import examples
 from softclose.baselines import deterministic_design
 from softclose.device import cost
 from softclose.evaluate import draw, respond
-from softclose.evaluate.chain import chain_of
 from softclose.evaluate.pieces import Sent, Work, here, light, respond_to_all, rows_of_pieces
 from softclose.settings import load_config
 
@@ -36,14 +34,13 @@ def sent_off(function: Callable[[Any], Any], pieces: Iterable[Any], /) -> Iterat
 def test_pieces_cover_every_row_once_and_in_order(n: int, n_waveforms: int, config: Any) -> None:
     pieces = rows_of_pieces(config, n, n_waveforms=n_waveforms)
     assert [*itertools.chain(*pieces)] == [*range(n)]
-    each = cost.seconds_a_trajectory(chain_of(config).device) * n_waveforms
-    assert all(len(rows) * each <= cost.PIECE_S for rows in pieces)
+    assert all(len(rows) * config.seconds_a_switch * n_waveforms <= cost.PIECE_S for rows in pieces)
 
 
 def test_what_costs_more_is_cut_finer() -> None:
-    """Losses, temperatures, waveforms."""
-    hot = load_config("current-temperature")
-    sizes = [len(rows_of_pieces(config, 20_000)) for config in (PLAIN, hot, LOSSY)]
+    """Temperatures, an amplifier, losses, modes, waveforms."""
+    others = [load_config(f"current-{name}") for name in ("temperature", "amplifier", "damped", "two-modes")]
+    sizes = [len(rows_of_pieces(config, 20_000)) for config in (PLAIN, *others)]
     assert sizes == sorted({*sizes})
     assert len(rows_of_pieces(PLAIN, 20_000, n_waveforms=12)) > len(rows_of_pieces(PLAIN, 20_000))
 
@@ -54,7 +51,11 @@ def test_somebody_s_model_states_what_a_trajectory_costs(
 ) -> None:
     model = type("Model", (), {"seconds_a_trajectory": stated})()
     monkeypatch.setattr(type(cost.MODELS), "load", lambda self, name: model)
-    assert cost.rows_a_piece(replace(chain_of(PLAIN).device, name="theirs")) == rows
+    assert cost.rows_a_piece(cost.seconds_a_trajectory("theirs")) == rows
+
+
+def test_a_model_that_is_not_installed_here_states_nothing() -> None:
+    assert cost.seconds_a_trajectory("theirs") == cost.UNSTATED_S
 
 
 @pytest.mark.parametrize("mapper", [here, sent_off])

@@ -26,7 +26,11 @@ def waves(stage: str, sizes: list[int], n_switches: int) -> list[Wave]:
         (20_000, [8, 8], 1, 5_000),
         (1_000_000, [1], 1, 15_625),
         (60, [4, 4], 4, 60),
-        (256, [20, 20, 7], 20, 256),
+        (256, [20, 20, 7], 10, 256),  # a wave of one block, in two along its candidates
+        (256, [19, 19, 7], 19, 128),  # along its switches
+        (4_000, [1, 1], 1, 2_000),
+        (3_000, [1, 1], 1, 3_000),  # halves of less than a third of a block
+        (256, [20], 10, 256),
     ],
 )
 def test_the_automatic_size_of_a_block(n_switches: int, sizes: list[int], candidates: int, switches: int) -> None:
@@ -34,6 +38,20 @@ def test_the_automatic_size_of_a_block(n_switches: int, sizes: list[int], candid
     (layout,) = stage_layouts(config, waves("search", sizes, n_switches))
     assert (layout.block_candidates, layout.block_switches) == (candidates, switches)
     assert (layout.n_candidates, layout.n_switches) == (sum(sizes), n_switches)
+
+
+@pytest.mark.parametrize(
+    ("settings", "switches"),
+    [
+        ((), 5120),
+        (("amplifier.bandwidth_kHz=500.0",), 1137),
+        (("model.quality_factor=20.0",), 640),
+        (("temperature.worst_of=3",), 2560),
+    ],
+)
+def test_what_costs_more_is_cut_finer(settings: tuple[str, ...], switches: int) -> None:
+    preset = "current-temperature" if "temperature" in str(settings) else "current"
+    assert load_config(preset, settings).block_switches == switches
 
 
 @given(
@@ -54,6 +72,8 @@ def test_blocks_divide_the_waves_and_hold_no_more_than_was_asked_for(
     assert layout.block_switches <= min(wanted, n_switches)
     n_blocks = -(-n_switches // layout.block_switches)
     assert layout.block_switches * n_blocks - n_switches < n_blocks  # equal parts, but for one switch
+    n_tasks = (size // layout.block_candidates) * n_blocks
+    assert n_tasks > 1 or n_switches == 1 or 3 * size * n_switches < 2 * wanted
 
 
 def test_an_ensemble_whose_blocks_cannot_be_cut_gets_one_block_more() -> None:

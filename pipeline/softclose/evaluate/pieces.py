@@ -7,7 +7,6 @@ built-in `map` or a cluster of any size, and gets the answers back in their orde
 from __future__ import annotations
 
 import functools
-import math
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +15,6 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from softclose.device.cost import rows_a_piece
-from softclose.evaluate.chain import chain_of
 from softclose.evaluate.respond import respond
 from softclose.metrics.objective import Judged
 from softclose.population.lot import Lot
@@ -77,9 +75,7 @@ class Work:
 
 def rows_of_pieces(config: CampaignConfig, n: int, *, n_waveforms: int = 1) -> list[range]:
     """The rows of each piece of n switches, by what the device model says that a trajectory costs."""
-    chain = chain_of(config)
-    n_cases = math.prod(len(cases) for condition in chain.conditions if (cases := condition.cases()))
-    most = rows_a_piece(chain.device, n_waveforms=n_waveforms, n_cases=n_cases)
+    most = rows_a_piece(config.seconds_a_switch, n_waveforms=n_waveforms)
     return [range(start, min(start + most, n)) for start in range(0, n, most)]
 
 

@@ -24,6 +24,7 @@ from softclose.conditions.amplifier import AmplifierSection
 from softclose.conditions.model_error import ModelErrorSection
 from softclose.conditions.temperature import TemperatureSection
 from softclose.conditions.trim import TrimSection
+from softclose.device.cost import PLAIN_S, seconds_a_trajectory
 from softclose.device.options import options_of
 from softclose.naming import nearest
 from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, ModelError
@@ -37,7 +38,14 @@ from softclose.settings.overrides import apply, texts
 from softclose.settings.prior import PriorSection
 from softclose.settings.scaled import PUBLISHED, STEP, scaled
 from softclose.settings.search import ExploreSection, FinishSection, OptimiserSection
-from softclose.settings.storage import AUTO_BLOCK_SWITCHES, AUTO_BLOCKS, MAX_BLOCKS, ComputeSection, StoreSection
+from softclose.settings.storage import (
+    AUTO_BLOCK_SWITCHES,
+    AUTO_BLOCKS,
+    MAX_BLOCKS,
+    STORED_S,
+    ComputeSection,
+    StoreSection,
+)
 from softclose.settings.waveform import WaveformSection
 from softclose.switch.reduced_order import ReducedOrder, read_reduced_order
 from softclose.waveform import Waveform
@@ -363,10 +371,20 @@ class CampaignConfig:
         """Simulated switches per block."""
         return self.compute.block_switches
 
+    @property
+    def seconds_a_switch(self) -> float:
+        """What simulating a switch under one waveform takes, about [s], by the device model's word: all its cases."""
+        each = seconds_a_trajectory(
+            self.model.name, lossless=self.model.build_losses().none, ideal=self.amplifier.is_ideal
+        )
+        return each * max(len(self.temperature.tried), 1)
+
     def _choose_blocks(self) -> None:
         """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""
         if not self.compute.block_switches:
-            chosen = max(AUTO_BLOCK_SWITCHES, math.ceil(self.n_switches_max / AUTO_BLOCKS))
+            slower = (self.seconds_a_switch + STORED_S) / (PLAIN_S + STORED_S)
+            by_cost = max(math.floor(AUTO_BLOCK_SWITCHES / slower), 1)
+            chosen = max(by_cost, math.ceil(self.n_switches_max / AUTO_BLOCKS))
             object.__setattr__(self, "compute", replace(self.compute, block_switches=chosen))
 
     def build_population(self) -> Population:

@@ -19,7 +19,11 @@ AUTO_BLOCKS = 64
 """Blocks of one candidate at most where compute.block_switches is 0."""
 
 AUTO_BLOCK_SWITCHES = 5120
-"""Simulated switches per block where compute.block_switches is 0: 50 to 100 ms, which outweighs Dask's millisecond."""
+"""Simulated switches per block where compute.block_switches is 0 and a trajectory is one of Eqs. 1-2: 50 to 100 ms,
+which outweighs Dask's millisecond. Fewer where the device model says that one costs more."""
+
+STORED_S = 4e-6
+"""What storing a trajectory takes, about [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
@@ -27,8 +31,9 @@ class ComputeSection:
     """How the work is cut up. Block boundaries are part of the store's identity."""
 
     block_switches: Annotated[int, Field(ge=0, le=MAX_SWITCHES, strict=True)] = 0
-    """Simulated switches per block (one Dask task), several candidates' where ensembles are small; 0 chooses: 5,120, or
-    more where that would cut a candidate into more than 64 blocks."""
+    """Simulated switches per block (one Dask task), several candidates' where ensembles are small; 0 chooses: 5,120,
+    fewer where a trajectory costs more than one of Eqs. 1-2, more where that would cut a candidate into more than 64
+    blocks."""
     rtol: Annotated[float, Field(ge=1e-13, le=1e-6)] = 1e-9
     """Relative tolerance of the integrator; above 1e-6 a step may pass over a contact."""
     method: Literal["taylor", "rk"] = "taylor"

@@ -9,30 +9,42 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from softclose.propose.plan import engine_of
 from softclose.propose.protocol import Wave
 from softclose.settings import CampaignConfig
 from softclose_store import MIN_INNER, StageLayout, largest_inner
+
+SMALLEST = 3
+"""A wave of one block is cut in two where each half is still a third of what a block may hold."""
 
 
 def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageLayout, ...]:
     """The stages of a campaign in the order in which they run, each cut into blocks.
 
     A block holds about `compute.block_switches` simulated switches: several candidates where ensembles are small, a
-    part of one candidate where they are large. No block straddles two waves, so that no chunk has two writers.
+    part of one candidate where they are large. A wave that would be one block is cut in two, along its candidates or,
+    where their number does not divide, along its switches, unless the halves were too small to be worth a task. No
+    block straddles two waves, so that no chunk has two writers.
     """
     stages = []
     for name in dict.fromkeys(wave.stage for wave in waves):
         own = [wave for wave in waves if wave.stage == name]
         n_switches = max(wave.n_switches for wave in own)
+        sizes, wanted = [wave.size for wave in own], config.block_switches
+        candidates = _block_candidates(sizes, n_switches, wanted)
+        switches = _block_switches(n_switches, wanted)
+        usual = sizes[:-1] or sizes
+        if min(usual) == candidates and switches == n_switches and SMALLEST * candidates * switches >= 2 * wanted:
+            if candidates % 2 == 0:
+                candidates //= 2
+            elif n_switches > 1:
+                switches = _block_switches(n_switches, math.ceil(n_switches / 2))
         stages.append(
             StageLayout(
                 name=name,
-                n_candidates=sum(wave.size for wave in own),
+                n_candidates=sum(sizes),
                 n_switches=n_switches,
-                block_candidates=_block_candidates([wave.size for wave in own], n_switches, config.block_switches),
-                block_switches=_block_switches(n_switches, config.block_switches),
-                engine=engine_of(config, name),
+                block_candidates=candidates,
+                block_switches=switches,
             )
         )
     return tuple(stages)
