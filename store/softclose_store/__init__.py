@@ -30,7 +30,7 @@ from softclose_store.schema.fields import (
     PopulationColumn,
 )
 from softclose_store.schema.layout import MIN_INNER, Layout, StageLayout, largest_inner
-from softclose_store.write.block import write_block
+from softclose_store.write.block import write_block, writing_s
 from softclose_store.write.create import StoreState, create_campaign, store_state
 from softclose_store.write.driver import DriverStore
 from softclose_store.write.extend import extend_campaign, finish_extension
@@ -90,4 +90,5 @@ __all__ = [
     "verify",
     "write_block",
     "write_group",
+    "writing_s",
 ]

@@ -7,6 +7,7 @@ take it for one full of fill values.
 
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 
 from zarr.abc.buffer import Buffer, BufferPrototype
@@ -36,6 +37,8 @@ class DescribedFiles(Store):
         self.where = where
         self.needed = needed
         self._bounds: dict[str, Bound] = {}
+        self.writing_s = 0.0
+        """Time that writes of chunks have taken [s]."""
 
     def with_read_only(self, read_only: bool = False) -> DescribedFiles:
         """The same store with another `read_only`."""
@@ -104,7 +107,9 @@ class DescribedFiles(Store):
     async def set(self, key: str, value: Buffer) -> None:
         """Replace a chunk."""
         assert key not in self.documents
+        began = time.perf_counter()
         await self.inner.set(key, value)
+        self.writing_s += time.perf_counter() - began
 
     async def delete(self, key: str) -> None:
         """Remove a chunk."""

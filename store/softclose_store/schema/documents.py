@@ -96,6 +96,8 @@ class RunDocument(OpenDocument):
     pid: int | None = None
     started: Text | None = None
     workers: int | None = None
+    spent: Annotated[dict[str, float], Field(max_length=100)] | None = None
+    """Where the time of the run and of its workers went [s]; absent where it was killed."""
 
 
 class RuntimeDocument(RunDocument):

@@ -128,6 +128,14 @@ class Root:
         attributes = {**runtime["attributes"], "runs": [*runtime["attributes"].get("runs", []), dict(run)]}
         return self.with_runtime(attributes)
 
+    def amended(self, more: Mapping[str, Any]) -> Root:
+        """The same root with more in what is said of its latest run; as it is where there was none."""
+        attributes = self.metadata["runtime"]["attributes"]
+        *earlier, latest = attributes.get("runs") or [None]
+        if latest is None:
+            return self
+        return self.with_runtime({**attributes, "runs": [*earlier, {**latest, **more}]})
+
     def with_runtime(self, attributes: Mapping[str, Any]) -> Root:
         """The same root with other attributes of the group `runtime`."""
         entry = {**self.metadata["runtime"], "attributes": dict(attributes)}

@@ -138,6 +138,12 @@ def open_writer(path: StorePath) -> BlockWriter:
     return writer
 
 
+def writing_s(path: StorePath) -> float:
+    """Seconds that this process has waited for the disk, or the service, while it wrote blocks of a store."""
+    writer = _writers.get(normalised(path))
+    return 0.0 if writer is None else writer.files.writing_s
+
+
 def forget_writer(path: StorePath) -> None:
     """Open the store afresh at the next block: after a repair of its metadata."""
     _writers.pop(normalised(path), None)

@@ -332,7 +332,20 @@ class DriverStore:
             Plain JSON values.
         """
         canonical_json(runtime)  # raises for what is no JSON
-        root = self._root.noted(runtime)
+        self._note(self._root.noted(runtime))
+
+    def amend_run(self, more: Mapping[str, Any]) -> None:
+        """Add to what `note_run` said of this run, such as where its time went.
+
+        Parameters
+        ----------
+        more : mapping
+            Plain JSON values.
+        """
+        canonical_json(more)
+        self._note(self._root.amended(more))
+
+    def _note(self, root: Root) -> None:
         write_key(self._files.inner, RUNTIME_KEY, runtime_text(root))
         write_root(self._files.inner, root)
         self._root = root

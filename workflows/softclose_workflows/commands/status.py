@@ -11,6 +11,7 @@ import click
 )
 @click.argument("store", metavar="STORE")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
+@click.option("--where", is_flag=True, help="Where the time of workers and driver went, in all runs that ended.")
 @click.option("--watch", is_flag=True, help="Live view until the campaign is finished or Ctrl-C; no terminal: lines.")
 @click.option(
     "--interval",
@@ -20,7 +21,7 @@ import click
     metavar="S",
     help="With --watch: seconds between looks at the store.",
 )
-def status(store: str, as_json: bool, watch: bool, interval: float) -> None:
+def status(store: str, as_json: bool, where: bool, watch: bool, interval: float) -> None:
     """Say where the campaign in STORE stands, also while it is being written, here or elsewhere."""
     if watch:
         if as_json:
@@ -31,6 +32,17 @@ def status(store: str, as_json: bool, watch: bool, interval: float) -> None:
         show(store, interval, plain_console())
         return
     from softclose_workflows.tell.plain import json_text
+
+    if where:
+        from softclose_workflows.analyses.where import print_where
+        from softclose_workflows.analyses.where import where as look
+
+        spent = look(store)
+        if as_json:
+            click.echo(json_text(spent.to_json()))
+        else:
+            print_where(store, spent)
+        return
     from softclose_workflows.tell.standing import read_standing
 
     standing = read_standing(store)

@@ -6,12 +6,13 @@ whole. Nothing outside the store carries state from one wave to the next.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 from softclose.plugins import MEASURED, EngineError
 from softclose.propose.origins import FALLBACK
@@ -21,7 +22,7 @@ from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, seen_by
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
-from softclose_store import DriverStore
+from softclose_store import DriverStore, StoreError
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import records
 from softclose_workflows.run.executors import Executor
@@ -78,7 +79,17 @@ class Spent:
     simulate: float = 0.0
     """In the device model, on all workers together."""
     store: float = 0.0
-    """In the store, on all workers together."""
+    """In the store, on all workers together: digests, compression, writing."""
+    write: float = 0.0
+    """Of that, waiting for the disk or the service."""
+    wall: float = 0.0
+    """From the first wave to the last, start-up apart."""
+    worker: float = 0.0
+    """Workers that were there, times how long."""
+
+    def to_json(self) -> dict[str, float]:
+        """Plain values [s], to the millisecond."""
+        return {name: round(value, 3) for name, value in asdict(self).items()}
 
 
 Listener = Callable[[Progress], None]
@@ -132,6 +143,20 @@ class Driver:
         self._report()
         if self.store.n_waves < len(self.waves):
             self.executor.probe(self.store.path, self.store.fingerprint)
+        began = time.perf_counter()
+        try:
+            while self.store.n_waves < len(self.waves):
+                self.launch()
+                if not self._flights:
+                    raise Stopped(f"{self.stop.signal_name} received: what was in flight is committed")
+                self.advance()
+                passed = time.perf_counter() - began - self.spent.wall
+                self.spent.wall += passed
+                self.spent.worker += passed * self.executor.n_workers
+        finally:
+            if self.spent.wall:
+                with contextlib.suppress(OSError, StoreError):  # what ended the run is what has to be told
+                    self.store.amend_run({"spent": self.spent.to_json()})
         while self.store.n_waves < len(self.waves):
             self.launch()
             if not self._flights:
@@ -257,6 +282,7 @@ class Driver:
                 self._n_switches_done += outcome.status.size
                 self.spent.simulate += outcome.simulate_s
                 self.spent.store += outcome.store_s
+                self.spent.write += outcome.write_s
                 return
         assert isinstance(outcome, BaseException)
         self._again(task, outcome)

@@ -90,7 +90,9 @@ class BlockResult:
     simulate_s: float
     """Time in the device model [s]."""
     store_s: float
-    """Time spent storing [s]."""
+    """Time spent storing [s]: digests, compression, writing."""
+    write_s: float = 0.0
+    """Of that, waiting for the disk or the service [s]."""
 
 
 def rows_of(waveform: Waveform) -> Rows:
@@ -167,12 +169,12 @@ def _stacked(rows: tuple[NDArray[Any], ...]) -> NDArray[Any]:
 
 def run_block(task: BlockTask) -> BlockResult:
     """Compute one block and write it to the store, its marker last."""
-    from softclose_store import write_block
+    from softclose_store import write_block, writing_s
 
     config, lot = campaign_of(task.store, task.fingerprint)
     began = time.perf_counter()
     arrays, failures = compute_block(config, lot.rows(slice(task.start, task.stop)), task.waveforms)
-    simulated = time.perf_counter()
+    simulated, wrote = time.perf_counter(), writing_s(task.store)
     marker = write_block(task.store, task.stage, task.row, task.column, arrays, task.proposals_digest)
     response = arrays["response"]
     return BlockResult(
@@ -184,6 +186,7 @@ def run_block(task: BlockTask) -> BlockResult:
         failures=failures,
         simulate_s=simulated - began,
         store_s=time.perf_counter() - simulated,
+        write_s=max(writing_s(task.store) - wrote, 0.0),
     )
 
 
