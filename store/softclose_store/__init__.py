@@ -29,13 +29,14 @@ from softclose_store.schema.fields import (
     Constant,
     PopulationColumn,
 )
-from softclose_store.schema.layout import MIN_INNER, Layout, StageLayout, largest_inner
+from softclose_store.schema.layout import CASE_PREFIX, MIN_INNER, Layout, StageLayout, largest_inner
 from softclose_store.write.block import write_block, writing_s
 from softclose_store.write.create import StoreState, create_campaign, store_state
 from softclose_store.write.driver import DriverStore
 from softclose_store.write.extend import extend_campaign, finish_extension
 
 __all__ = [
+    "CASE_PREFIX",
     "IMPACT_QUANTITIES",
     "MIN_INNER",
     "QUANTITIES",

@@ -86,6 +86,10 @@ class Case:
 
     name: str
     """Such as `-40 °C`."""
+    coordinate: str
+    """The column of a lot (`softclose.population.lot.COLUMNS`) that tells a condition's cases apart."""
+    value: float
+    """Its value in this case."""
     change: Any
     """Lot -> the lot in that case."""
 

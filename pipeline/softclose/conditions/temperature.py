@@ -152,6 +152,11 @@ class Temperature(Condition):
     def cases(self) -> tuple[Case, ...]:
         """The temperatures at which every switch is simulated."""
         return tuple(
-            Case(name=f"{celsius:g} °C", change=partial(heated, self.settings, celsius=celsius))
+            Case(
+                name=f"{celsius:g} °C",
+                coordinate="celsius",
+                value=celsius,
+                change=partial(heated, self.settings, celsius=celsius),
+            )
             for celsius in self.settings.tried
         )

@@ -7,4 +7,6 @@ from softclose.evaluate.realise import coordinates as coordinates
 from softclose.evaluate.realise import draw as draw
 from softclose.evaluate.realise import realise as realise
 from softclose.evaluate.realise import uniforms as uniforms
+from softclose.evaluate.respond import combinations as combinations
 from softclose.evaluate.respond import respond as respond
+from softclose.evaluate.respond import respond_each as respond_each

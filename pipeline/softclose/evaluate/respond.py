@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from softclose.conditions.protocol import Case
 from softclose.device.device import worst
 from softclose.device.drives import Drives
 from softclose.evaluate.chain import Chain, chain_of
@@ -103,5 +104,9 @@ def drives_of(chain: Chain, lot: Lot, waveform: Drive, *, for_everybody: bool = 
 
 def cases_of(chain: Chain, lot: Lot) -> list[Lot]:
     """The lot in every combination of its conditions' cases."""
-    cases = [found for condition in chain.conditions if (found := condition.cases())]
-    return [reduce(lambda changed, case: case.of(changed), chosen, lot) for chosen in itertools.product(*cases)]
+    return [reduce(lambda changed, case: case.of(changed), chosen, lot) for chosen in combinations(chain)]
+
+
+def combinations(chain: Chain) -> list[tuple[Case, ...]]:
+    """Every combination of the conditions' cases, in the order in which they are simulated; [()] without any."""
+    return [*itertools.product(*(found for condition in chain.conditions if (found := condition.cases())))]

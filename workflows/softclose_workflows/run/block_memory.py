@@ -24,7 +24,8 @@ def of_worker(config: CampaignConfig) -> float:
 
 def _trajectory_bytes(config: CampaignConfig) -> float:
     raw = TRAJECTORY_RAW_BYTES + TIME_RAW_BYTES * config.store.n_times + IMPACT_RAW_BYTES * config.store.max_impacts
-    return BLOCK_FACTOR * raw
+    n_cases = len(config.temperature.tried)
+    return BLOCK_FACTOR * raw * (1 + n_cases)  # each case, and what counts of them
 
 
 def too_large_for(config: CampaignConfig, limit_bytes: float) -> str:

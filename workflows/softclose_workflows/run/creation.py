@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from softclose import ALGORITHM
-from softclose.evaluate import draw
-from softclose.evaluate.chain import device_of
+from softclose.evaluate import combinations, draw
+from softclose.evaluate.chain import chain_of, device_of
 from softclose.metrics.replicates import REPLICATES
+from softclose.plugins import MEASURED
 from softclose.population.lot import COLUMNS, Lot
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
@@ -15,7 +16,7 @@ from softclose.settings import CampaignConfig
 from softclose.switch.plate import EPSILON_0, V_STICK
 from softclose.waveform import FloatArray
 from softclose.waveform.spaces import SPACES
-from softclose_store import Constant, Layout, PopulationColumn, StoreError, create_campaign
+from softclose_store import CaseColumn, Constant, Layout, PopulationColumn, StoreError, create_campaign
 from softclose_workflows.run.blocks import stage_layouts
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import times_us
@@ -90,4 +91,14 @@ def layout_of(config: CampaignConfig) -> Layout:
         n_pulses=longest,
         limits_cm_s=config.objective.limits_cm_s,
         columns=column_names(config),
+        cases=case_columns(config),
+    )
+
+
+def case_columns(config: CampaignConfig) -> tuple[CaseColumn, ...]:
+    """What tells the cases apart in which every switch is simulated; () where there is one, or devices are measured."""
+    cases = combinations(chain_of(config)) if config.model.name != MEASURED else [()]
+    return tuple(
+        CaseColumn(c.coordinate, COLUMNS[c.coordinate].unit, "in this case", tuple(case[k].value for case in cases))
+        for k, c in enumerate(cases[0])
     )

@@ -9,16 +9,20 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softclose.device.protocol import is_own_word
+from softclose.evaluate.chain import chain_of
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
-from softclose_store import IMPACT_QUANTITIES, QUANTITIES
+from softclose_store import CASE_PREFIX, IMPACT_QUANTITIES, QUANTITIES
+
+if TYPE_CHECKING:
+    from softclose.device.simulate import Responses
 
 PLACE = {quantity.name: k for k, quantity in enumerate(QUANTITIES)}
 """Where a quantity stands in the array `response`."""
@@ -110,17 +114,20 @@ def compute_block(
 ) -> tuple[dict[str, NDArray[Any]], dict[int, str]]:
     """Simulate a lot of s switches under each waveform. Returns the arrays of the store's schema, and what failed.
 
-    A candidate fails where the device model says so: it would fail anywhere. Whatever else is raised is the machine's
-    fault and goes on to the caller.
+    Where each switch is simulated in several cases, arrays `case_…` hold what it did in each, those without prefix what
+    counts: a case is an axis behind the switch. A candidate fails where the device model says so: it would fail
+    anywhere. Whatever else is raised is the machine's fault and goes on to the caller.
     """
-    from softclose.evaluate import respond
+    from softclose.device.device import worst
+    from softclose.evaluate import combinations, respond_each
 
     times, n_impacts = times_us(config), config.store.max_impacts
-    found: list[tuple[NDArray[Any], ...]] = []
+    n_cases = len(combinations(chain_of(config)))
+    found: list[dict[str, NDArray[Any]]] = []
     failures: dict[int, str] = {}
     for i, rows in enumerate(waveforms):
         try:
-            r = respond(
+            each = respond_each(
                 config,
                 lot,
                 Waveform.from_rows(rows),
@@ -133,36 +140,52 @@ def compute_block(
             if not is_own_word(e):
                 raise
             failures[i] = f"{type(e).__name__}: {e}"
-            found.append(_nothing(len(lot), n_impacts, len(times)))
+            nothing = _nothing(len(lot), n_impacts, len(times))
+            found.append(_with_cases(nothing, [nothing] * n_cases))
             continue
-        known: dict[str, NDArray[Any]] = {
-            "max_contact_speed": r.max_contact_speed,
-            "first_contact": r.first_contact_us,
-            "settling": r.settling_us,
-            "n_impacts": r.n_impacts,
-            "final_x": r.final_x,
-            "final_v": r.final_v,
-            "closed": r.closed,
-            "status": r.status,
-        }
-        response = np.stack([known[quantity] for quantity in PLACE], axis=-1, dtype=np.float64)
-        impact = np.empty((len(lot), n_impacts, len(IMPACT_QUANTITIES)))
-        impact[..., 0], impact[..., 1] = r.impact_time_us, r.impact_speed
-        x, v = (np.asarray(sampled, dtype=np.float32) for sampled in (r.x, r.v))
-        found.append((response, x, v, impact))
-    names = ("response", "x", "v", "impact")
-    return dict(zip(names, map(_stacked, zip(*found, strict=True)), strict=True)), failures
+        arrays = [_arrays(r, n_impacts) for r in each]
+        found.append(_with_cases(arrays[0] if n_cases == 1 else _arrays(worst(each), n_impacts), arrays))
+    return {name: _stacked([arrays[name] for arrays in found]) for name in found[0]}, failures
 
 
-def _nothing(n: int, n_impacts: int, n_times: int) -> tuple[NDArray[Any], ...]:
-    """What is stored of n switches whose device model failed: response, x, v, impact."""
+def _arrays(r: Responses, n_impacts: int) -> dict[str, NDArray[Any]]:
+    """What is stored of responses of s switches: (s, …) each."""
+    known: dict[str, NDArray[Any]] = {
+        "max_contact_speed": r.max_contact_speed,
+        "first_contact": r.first_contact_us,
+        "settling": r.settling_us,
+        "n_impacts": r.n_impacts,
+        "final_x": r.final_x,
+        "final_v": r.final_v,
+        "closed": r.closed,
+        "status": r.status,
+    }
+    impact = np.empty((len(r.status), n_impacts, len(IMPACT_QUANTITIES)))
+    impact[..., 0], impact[..., 1] = r.impact_time_us, r.impact_speed
+    return {
+        "response": np.stack([known[quantity] for quantity in PLACE], axis=-1, dtype=np.float64),
+        "x": np.asarray(r.x, dtype=np.float32),
+        "v": np.asarray(r.v, dtype=np.float32),
+        "impact": impact,
+    }
+
+
+def _with_cases(counts: dict[str, NDArray[Any]], cases: list[dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """What counts of a switch, and, where there are several cases, each behind the switch."""
+    if len(cases) == 1:
+        return counts
+    return counts | {f"{CASE_PREFIX}{name}": np.stack([case[name] for case in cases], axis=1) for name in counts}
+
+
+def _nothing(n: int, n_impacts: int, n_times: int) -> dict[str, NDArray[Any]]:
+    """What is stored of n switches whose device model failed."""
     response = np.full((n, len(PLACE)), np.nan)
     response[:, PLACE["closed"]], response[:, PLACE["status"]] = 0.0, -1.0
     x = np.full((n, n_times), np.nan, dtype=np.float32)
-    return response, x, x, np.full((n, n_impacts, len(IMPACT_QUANTITIES)), np.nan)
+    return {"response": response, "x": x, "v": x, "impact": np.full((n, n_impacts, len(IMPACT_QUANTITIES)), np.nan)}
 
 
-def _stacked(rows: tuple[NDArray[Any], ...]) -> NDArray[Any]:
+def _stacked(rows: list[NDArray[Any]]) -> NDArray[Any]:
     """Candidates first; a single candidate's array, which may be of many megabytes, is not copied."""
     return rows[0][np.newaxis] if len(rows) == 1 else np.stack(rows)
 
