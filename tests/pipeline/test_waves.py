@@ -69,7 +69,9 @@ def test_the_plan_covers_every_budget_exactly_and_in_order(
     assert {w.n_switches for w in waves if w.stage != "finish"} <= {50}
     sees = [w.sees for w in waves]
     assert sees == sorted(sees)
-    assert all(0 <= w.sees <= w.index and w.index - w.sees < max(lag, turns) for w in waves)
+    assert all(
+        0 <= w.sees <= w.index and w.index - w.sees < max(lag, turns, 4 if engine == "sobol" else 1) for w in waves
+    )
     assert plan(Problem(load_config(problem.config.to_dict()))) == waves
 
 

@@ -20,6 +20,7 @@ from softclose_store import CASE_PREFIX, open_campaign
 from softclose_workflows.run import tasks
 
 SMALL = {
+    "prior.model": "none",
     "population.n_switches": 16,
     "finish.n_switches": 32,
     "finish.n_basins": 2,

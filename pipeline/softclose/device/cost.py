@@ -21,6 +21,10 @@ DELIVERED = 8.0
 UNSTATED_S = 1e-3
 """A trajectory of somebody else's model that states none [s]."""
 
+SLOW_PIECE_S, SLOW_ROWS = 1.0, 16
+"""What a piece of work takes of a model so slow that fewer than so many switches fill an ordinary piece: what one costs
+beside its simulation, some ten milliseconds of storing, is paid that much less often."""
+
 MOST_ROWS = 10_000
 """Switches of the largest piece: its responses are in memory at once."""
 
@@ -42,4 +46,10 @@ def seconds_a_trajectory(model: str, *, lossless: bool = True, ideal: bool = Tru
 
 def rows_a_piece(seconds_a_switch: float, *, n_waveforms: int = 1) -> int:
     """Switches of a piece of work that simulates each of them under so many waveforms."""
-    return min(max(math.floor(PIECE_S / (seconds_a_switch * max(n_waveforms, 1))), 1), MOST_ROWS)
+    each = seconds_a_switch * max(n_waveforms, 1)
+    return min(max(math.floor(PIECE_S / each), fewest_rows(each)), MOST_ROWS)
+
+
+def fewest_rows(seconds_a_row: float) -> int:
+    """Rows of the smallest piece that is worth a task."""
+    return min(max(math.floor(SLOW_PIECE_S / seconds_a_row), 1), SLOW_ROWS)

@@ -17,6 +17,10 @@ from softclose.settings import CampaignConfig
 SEARCH, EXPLORE, FINISH = "search", "explore", "finish"
 """Stages of a campaign, in their order."""
 
+BLIND_LAG = 4
+"""Waves in flight at once of an engine that looks at no result: none of them waits, and workers meet the end of one
+wave with tasks of the next."""
+
 
 def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[Wave, ...]:
     """The waves of a campaign, which cover `config.total_budget` candidates in order.
@@ -35,10 +39,11 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
             waves.append(Wave(index=index, stage=stage, start=start, size=size, n_switches=n, sees=sees(index)))
 
     few, many = config.population.n_switches, config.finish.n_switches
-    lag = config.campaign.lag
+    engine = search or config.optimiser.engine
+    lag = lag_of(config, engine) if config.campaign.budget else 1
     add(
         SEARCH,
-        _sizes(problem, search or config.optimiser.engine, config.campaign.budget),
+        _sizes(problem, engine, config.campaign.budget),
         few,
         lambda w: max(w - lag + 1, 0),
     )
@@ -52,8 +57,8 @@ def plan(problem: Problem, search: Engine | WaveEngine | None = None) -> tuple[W
             add(extension.stage, _sizes(problem, extension.engine, extension.size), extension.n_switches, lambda w: w)
         else:
             whole = _sizes(problem_of(problem, extension), search or extension.engine, extension.begin + extension.size)
-            sizes = _after(whole, extension.begin)
-            add(extension.stage, sizes, extension.n_switches, lambda w: max(w - lag + 1, 0))
+            sizes, lag = _after(whole, extension.begin), lag_of(config, search or extension.engine)
+            add(extension.stage, sizes, extension.n_switches, lambda w, lag=lag: max(w - lag + 1, 0))  # type: ignore[misc]
     return tuple(waves)
 
 
@@ -64,6 +69,12 @@ def engine_of(config: CampaignConfig, stage: str) -> str:
     if stage == EXPLORE:
         return "cmaes"
     return config.finish.method if stage == FINISH else extensions(config)[stage].engine
+
+
+def lag_of(config: CampaignConfig, who: str | Engine | WaveEngine) -> int:
+    """Waves of a search that are in flight at once: more than `campaign.lag` where the engine looks at no result."""
+    engine = load_engine(who) if isinstance(who, str) else who
+    return max(config.campaign.lag, BLIND_LAG if getattr(engine, "is_blind", False) else 1)
 
 
 def growing(sizes: list[int], few: int, many: int) -> list[int]:

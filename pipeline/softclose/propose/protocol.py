@@ -246,7 +246,11 @@ class Engine(Protocol):
 
 @runtime_checkable
 class WaveEngine(Protocol):
-    """Whoever proposes waveforms a wave at a time."""
+    """Whoever proposes waveforms a wave at a time.
+
+    One whose attribute `is_blind` is true says that its proposals follow from the configuration alone: several of its
+    waves are in flight at once.
+    """
 
     def wave_sizes(self, problem: Problem, budget: int) -> Sequence[int]:
         """Sizes of its waves, from the configuration alone.

@@ -41,6 +41,8 @@ def initial_point(problem: Problem, place: int, stream: str = "initial") -> NDAr
 class SobolEngine:
     """Space-filling search without a model. Waves of any size would do."""
 
+    is_blind = True
+
     def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
         """Waves of `WAVE` candidates."""
         return [min(WAVE, budget - begin) for begin in range(0, budget, WAVE)]

@@ -24,6 +24,7 @@ from softclose.conditions.amplifier import AmplifierSection
 from softclose.conditions.model_error import ModelErrorSection
 from softclose.conditions.temperature import TemperatureSection
 from softclose.conditions.trim import TrimSection
+from softclose.device.cost import PLAIN_S, fewest_rows, seconds_a_trajectory
 from softclose.device.cost import PLAIN_S, seconds_a_trajectory
 from softclose.device.options import options_of
 from softclose.naming import nearest
@@ -383,7 +384,7 @@ class CampaignConfig:
         """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""
         if not self.compute.block_switches:
             slower = (self.seconds_a_switch + STORED_S) / (PLAIN_S + STORED_S)
-            by_cost = max(math.floor(AUTO_BLOCK_SWITCHES / slower), 1)
+            by_cost = max(math.floor(AUTO_BLOCK_SWITCHES / slower), fewest_rows(self.seconds_a_switch))
             chosen = max(by_cost, math.ceil(self.n_switches_max / AUTO_BLOCKS))
             object.__setattr__(self, "compute", replace(self.compute, block_switches=chosen))
 
