@@ -40,6 +40,11 @@ class ModelErrorSection:
     """Standard deviations to which the worst is looked for."""
 
     @property
+    def n_cases(self) -> int:
+        """Cases in which every switch is simulated."""
+        return 1 + 2 * (bool(self.force) + bool(self.time)) if self.counts == "worst" else 1
+
+    @property
     def none(self) -> bool:
         """Whether the model is taken to be right."""
         return not (self.force or self.time)
@@ -106,5 +111,10 @@ class ModelError(Condition):
         ends = [(0.0, 0.0), *((sign * s.reach * s.force, 0.0) for sign in (-1.0, 1.0) if s.force)]
         ends += [(0.0, sign * s.reach * s.time) for sign in (-1.0, 1.0) if s.time]
         return tuple(
-            Case(name=f"force {f:+.1%}, times {t:+.1%}", change=partial(mistaken, force=f, time=t)) for f, t in ends
+            Case(
+                name=f"force {f:+.1%}, times {t:+.1%}",
+                at=(("force_error", f), ("time_error", t)),
+                change=partial(mistaken, force=f, time=t),
+            )
+            for f, t in ends
         )

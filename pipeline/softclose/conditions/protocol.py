@@ -86,10 +86,9 @@ class Case:
 
     name: str
     """Such as `-40 °C`."""
-    coordinate: str
-    """The column of a lot (`softclose.population.lot.COLUMNS`) that tells a condition's cases apart."""
-    value: float
-    """Its value in this case."""
+    at: tuple[tuple[str, float], ...]
+    """What tells it apart from the condition's other cases: columns of a lot (`softclose.population.lot.COLUMNS`), the
+    same in all of them, and their values in this one."""
     change: Any
     """Lot -> the lot in that case."""
 

@@ -154,8 +154,7 @@ class Temperature(Condition):
         return tuple(
             Case(
                 name=f"{celsius:g} °C",
-                coordinate="celsius",
-                value=celsius,
+                at=(("celsius", celsius),),
                 change=partial(heated, self.settings, celsius=celsius),
             )
             for celsius in self.settings.tried

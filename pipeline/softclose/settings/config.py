@@ -25,7 +25,6 @@ from softclose.conditions.model_error import ModelErrorSection
 from softclose.conditions.temperature import TemperatureSection
 from softclose.conditions.trim import TrimSection
 from softclose.device.cost import PLAIN_S, fewest_rows, seconds_a_trajectory
-from softclose.device.cost import PLAIN_S, seconds_a_trajectory
 from softclose.device.options import options_of
 from softclose.naming import nearest
 from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, ModelError
@@ -378,7 +377,12 @@ class CampaignConfig:
         each = seconds_a_trajectory(
             self.model.name, lossless=self.model.build_losses().none, ideal=self.amplifier.is_ideal
         )
-        return each * max(len(self.temperature.tried), 1)
+        return each * self.n_cases
+
+    @property
+    def n_cases(self) -> int:
+        """Cases in which every switch is simulated under a waveform."""
+        return max(len(self.temperature.tried), 1) * self.model_error.n_cases
 
     def _choose_blocks(self) -> None:
         """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""

@@ -24,8 +24,8 @@ def of_worker(config: CampaignConfig) -> float:
 
 def _trajectory_bytes(config: CampaignConfig) -> float:
     raw = TRAJECTORY_RAW_BYTES + TIME_RAW_BYTES * config.store.n_times + IMPACT_RAW_BYTES * config.store.max_impacts
-    n_cases = len(config.temperature.tried)
-    return BLOCK_FACTOR * raw * (1 + n_cases)  # each case, and what counts of them
+    n = config.n_cases
+    return BLOCK_FACTOR * raw * (1 if n == 1 else 1 + n)  # each case, and what counts of them
 
 
 def too_large_for(config: CampaignConfig, limit_bytes: float) -> str:

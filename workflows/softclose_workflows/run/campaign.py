@@ -149,6 +149,7 @@ class Driver:
                 self.launch()
                 if not self._flights:
                     raise Stopped(f"{self.stop.signal_name} received: what was in flight is committed")
+                self._give_up_in_time()
                 self.advance()
                 passed = time.perf_counter() - began - self.spent.wall
                 self.spent.wall += passed
@@ -157,12 +158,6 @@ class Driver:
             if self.spent.wall:
                 with contextlib.suppress(OSError, StoreError):  # what ended the run is what has to be told
                     self.store.amend_run({"spent": self.spent.to_json()})
-        while self.store.n_waves < len(self.waves):
-            self.launch()
-            if not self._flights:
-                raise Stopped(f"{self.stop.signal_name} received: what was in flight is committed")
-            self._give_up_in_time()
-            self.advance()
 
     def _give_up_in_time(self) -> None:
         """Raise Stopped where a stop was asked for `PATIENCE_S` ago: a wave may take an hour, a batch system gives half

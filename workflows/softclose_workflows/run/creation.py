@@ -98,7 +98,7 @@ def layout_of(config: CampaignConfig) -> Layout:
 def case_columns(config: CampaignConfig) -> tuple[CaseColumn, ...]:
     """What tells the cases apart in which every switch is simulated; () where there is one, or devices are measured."""
     cases = combinations(chain_of(config)) if config.model.name != MEASURED else [()]
+    each = [dict(place for case in chosen for place in case.at) for chosen in cases]
     return tuple(
-        CaseColumn(c.coordinate, COLUMNS[c.coordinate].unit, "in this case", tuple(case[k].value for case in cases))
-        for k, c in enumerate(cases[0])
+        CaseColumn(name, COLUMNS[name].unit, "in this case", tuple(values[name] for values in each)) for name in each[0]
     )
