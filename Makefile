@@ -78,9 +78,14 @@ long: env-test  ## what `make test` leaves out: every case of the claims that ta
 	PYTHONPATH=tests $(BIN)/python -m compile_kernels
 	SOFTCLOSE_WHOLE=1 $(BIN)/python -m pytest -m long --numprocesses $(TESTERS) --dist worksteal
 
-wheel: env  ## the wheel, installed elsewhere: a small run and its report from an empty folder
+wheel: env  ## sdist, and the wheel built from it, installed elsewhere: a small run and its report from an empty folder
 	rm -rf build/wheel && mkdir -p build/wheel/empty
-	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/wheel .
+	$(PYTHON) -m venv build/wheel/tools
+	build/wheel/tools/bin/python -m pip install --quiet build
+	build/wheel/tools/bin/python -m build --outdir build/wheel . >build/wheel/build.log
+	$(PYTHON) -c 'import glob, tarfile; names = tarfile.open(glob.glob("build/wheel/*.tar.gz")[0]).getnames(); \
+	  found = {n.split("/", 1)[-1] for n in names}; \
+	  assert {"README.md", "LICENSE", "tests/conftest.py", "pipeline/softclose/presets/current.toml"} <= found'
 	$(PYTHON) -m venv build/wheel/venv
 	build/wheel/venv/bin/python -m pip install --quiet --constraint constraints.txt build/wheel/*.whl
 	cd build/wheel/empty && env -u PYTHONPATH ../venv/bin/softclose run current --store a.zarr --serial --quiet --set campaign.budget=6 \

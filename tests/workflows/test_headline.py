@@ -21,6 +21,7 @@ from softclose_workflows.report.gather import gather
 from softclose_workflows.report.headline import found_by, headline
 from softclose_workflows.report.health import Check, health
 from softclose_workflows.report.page import render_report
+from softclose_workflows.report.summary import candidate_rows
 from softclose_workflows.tell import labels
 from softclose_workflows.tell.assumptions import assumptions
 
@@ -247,3 +248,18 @@ def test_near_copies_are_no_other_place() -> None:
     assert chosen(0.0) == [0, 1, 2, 3]
     assert chosen(0.0, most=2) == [0, 1]
     assert chosen(1e6) == [0]
+
+
+def test_a_campaign_for_a_front_shows_it_first_and_labels_its_candidates(data: ReportData) -> None:
+    assert data.front is not None
+    optimiser = dataclasses.replace(data.config.optimiser, engine="nsga2")
+    of_front = dataclasses.replace(data, config=dataclasses.replace(data.config, optimiser=optimiser))
+    rows = candidate_rows(of_front)
+    n = len(data.front.candidates)
+    assert {row["index"] for row in rows[:n]} == {*data.front.candidates}
+    assert [row["on_front"] for row in rows] == [True] * n + [False] * (len(rows) - n)
+    assert not any(row["on_front"] for row in candidate_rows(data))
+    for shown, first in ((of_front, "front"), (data, "design")):
+        page = render_report(shown)
+        places = {name: page.index(f'<section id="{name}"') for name in ("front", "design")}
+        assert min(places, key=lambda name: places[name]) == first

@@ -107,6 +107,24 @@ def test_table_sorts_by_mouse_and_by_keyboard(visit: Visit) -> None:
     assert head.locator("xpath=..").get_attribute("aria-sort") == "descending"
 
 
+def test_the_table_is_narrowed_down_by_words_and_by_the_share_left_open(visit: Visit) -> None:
+    page = visit.page
+    rows = "[...document.querySelectorAll('#table tbody tr')].filter(r => !r.hidden)"
+    shown = f"() => {rows}.map(r => Number(r.dataset.candidate))"
+    records = open_campaign(hostile_store()).records()
+    page.fill("#filter", "trust-region")
+    expected = [i for i, origin in enumerate(records["origin"]) if str(origin) == "trust-region"]
+    assert sorted(page.evaluate(shown)) == expected != []
+    page.fill("#filter", "")
+    half = float(np.nanmedian(records["p_nc"]))
+    most = round(100.0 * half + 0.05, 2)
+    page.fill("#most-open", repr(most))
+    assert sorted(page.evaluate(shown)) == np.flatnonzero(100.0 * records["p_nc"] <= most).tolist()
+    assert f"of {len(records['p_nc'])} rows" in page.inner_text("#filtered")
+    page.fill("#most-open", "")
+    assert len(page.evaluate(shown)) == len(records["p_nc"])
+
+
 def test_picking_a_candidate_shows_its_waveform_and_metrics(visit: Visit) -> None:
     page = visit.page
     before = page.locator("#pulses").inner_text(), page.locator("#metrics").inner_text()

@@ -21,7 +21,7 @@ class BotorchEngine:
             import botorch  # noqa: F401
         except ImportError as e:
             raise EngineError(
-                "engine 'botorch' needs the packages botorch and torch: install softclose[botorch], or choose another "
+                "engine 'botorch' needs the packages botorch and torch: pip install botorch, or choose another "
                 "optimiser.engine"
             ) from e
 

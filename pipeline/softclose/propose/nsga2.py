@@ -32,7 +32,7 @@ class Nsga2Engine:
         try:
             import pymoo  # noqa: F401 - asked for here, so that a campaign does not fail at its second wave
         except ImportError as e:
-            raise EngineError(f"engine nsga2 needs pymoo ({e}): pip install softclose[pareto]") from e
+            raise EngineError(f"engine nsga2 needs pymoo ({e}): pip install pymoo") from e
 
     def wave_sizes(self, problem: Problem, budget: int) -> list[int]:
         """The user's own waveforms beside the first generation, then a generation each."""

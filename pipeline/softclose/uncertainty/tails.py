@@ -414,7 +414,7 @@ def _openturns() -> Any:
         import openturns
     except ImportError as e:
         raise TailError(
-            "FORM, SORM, importance and subset sampling need OpenTURNS: pip install 'softclose[tails]', or choose the "
+            "FORM, SORM, importance and subset sampling need OpenTURNS: pip install openturns, or choose the "
             "method brute"
         ) from e
     return openturns

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SCHEMES = ("s3", "s3a", "gs", "az", "abfs", "abfss")
 """What obstore serves. S3 is what the tests run."""
 
-NO_LIBRARY = "an object store needs obstore: pip install 'softclose[s3]'"
+NO_LIBRARY = "an object store needs obstore: pip install obstore"
 
 RETRIES, RETRY_S = 8, 60.0
 """Requests that a service refuses for a while (500, slow down, timeouts) are made again so often, for so long [s]."""

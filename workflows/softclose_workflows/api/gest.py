@@ -27,7 +27,7 @@ try:
     from gest_api import Generator
     from gest_api.vocs import VOCS, MinimizeObjective
 except ImportError as e:
-    raise ImportError("the generator standard needs the package gest-api: pip install 'softclose[gest]'") from e
+    raise ImportError("the generator standard needs the package gest-api: pip install gest-api") from e
 
 OBJECTIVE = "g_cm_s"
 """What is minimised, as the names of a store have it [cm/s]."""

@@ -111,7 +111,7 @@ def write_dataset(dataset: xr.Dataset, target: Path, form: str) -> None:
         try:
             __import__(package)
         except ImportError as e:
-            raise ExportError(f"{form} needs {package}: pip install 'softclose[export]'") from e
+            raise ExportError(f"{form} needs {package}: pip install {package}") from e
     if form != "netcdf" and len(dataset.sizes) > 1:
         raise ExportError(f"x(t), v(t) and impacts have two dimensions, which {form} has not; use --format netcdf")
     with whole_file(target) as partial:

@@ -388,8 +388,9 @@ def switches(data: ReportData, design: Design, name: str, limit: int = 2000) -> 
     return {
         "data": traces,
         "layout": layout(
-            axis(f"{words[0].upper()}{words[1:]} ({unit})"),
-            axis("V (cm/s)", rangemode="tozero"),
+            # Margins that follow the labels chase each other here: plotly.js gives up and says so on the console.
+            axis(f"{words[0].upper()}{words[1:]} ({unit})", automargin=False),
+            axis("V (cm/s)", rangemode="tozero", automargin=False),
             height=300,
             margin={"l": 52, "r": 10, "t": 8, "b": 46},
         ),

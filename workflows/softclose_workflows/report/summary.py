@@ -87,8 +87,10 @@ MOST_ROWS = 200
 def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
     """Rows of the table, the best first, `MOST_ROWS` at most; each cell has its text and what it sorts by."""
     t, rows = data.candidates, []
+    on_front = {*data.front.candidates} if data.is_front and data.front is not None else set()
     limit = f"{data.config.objective.limits_cm_s[0]:g}" if data.config.objective.limits_cm_s else ""
-    for place, i in enumerate(t.ranked[:MOST_ROWS]):
+    order = sorted(t.ranked, key=lambda i: i not in on_front)  # stable: a front comes first where one is searched for
+    for place, i in enumerate(order[:MOST_ROWS]):
         c = {name: float(values[i]) for name, values in t.columns.items()}
         cells = [
             _cell(c["g_cm_s"], number(c["g_cm_s"], 2), interval(c["g_lower_cm_s"], c["g_upper_cm_s"])),
@@ -113,6 +115,7 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
                 "cells": cells,
                 "switches": int(t.n_switches[i]),
                 "best": i == data.best,
+                "on_front": i in on_front,
                 "beyond_print": place >= 30,
             }
         )

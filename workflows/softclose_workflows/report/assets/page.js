@@ -253,4 +253,19 @@
     // Rows without a value stay last either way.
     body.append(...[...body.rows].sort((a, b) => (key(a) === "") - (key(b) === "") || order(key(a), key(b))));
   });
+
+  // Rows that hold the words, and leave no more open than asked for.
+  const filter = document.getElementById("filter"), mostOpen = document.getElementById("most-open");
+  function narrowDown() {
+    const words = filter.value.trim().toLowerCase(), most = mostOpen.value === "" ? Infinity : Number(mostOpen.value) / 100;
+    let n = 0;
+    for (const tr of table.tBodies[0].rows) {
+      const said = `${tr.dataset.candidate} ${[...tr.cells].slice(-2).map((c) => `${c.textContent} ${c.title}`).join(" ")}`.toLowerCase();
+      const open = tr.querySelector("[data-open]")?.dataset.sort;
+      tr.hidden = !said.includes(words) || (most < Infinity && (open === "" || Number(open) > most));
+      n += !tr.hidden;
+    }
+    document.getElementById("filtered").textContent = `${n} of ${table.tBodies[0].rows.length} rows`;
+  }
+  for (const input of [filter, mostOpen]) input?.addEventListener("input", narrowDown);
 })();

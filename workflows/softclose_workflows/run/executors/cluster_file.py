@@ -146,5 +146,5 @@ def _configured(name: str) -> Cluster:
     return check_cluster({"scheduler": kind, "config_name": name})
 
 
-NO_LIBRARY = "a batch scheduler needs dask-jobqueue: pip install 'softclose[cluster]'"
+NO_LIBRARY = "a batch scheduler needs dask-jobqueue: pip install dask-jobqueue"
 """What to do where the extra is missing."""
