@@ -9,7 +9,7 @@ from typing import Any
 from softclose.opening import Opening
 from softclose.propose.origins import label_of
 from softclose_workflows.report.data import ReportData
-from softclose_workflows.tell.labels import interval, number, percent, percent_interval, pulse_lines
+from softclose_workflows.tell.labels import count, interval, number, percent, percent_interval, pulse_lines
 
 
 def opening_rows(data: ReportData) -> list[dict[str, str]]:
@@ -104,7 +104,7 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
         ]
         if limit:
             cells.append(_cell(c[f"p_exceed_{limit}"], number(100.0 * c[f"p_exceed_{limit}"], 1)))
-        cells.append(_cell(float(t.n_switches[i]), str(int(t.n_switches[i]))))
+        cells.append(_cell(float(t.n_switches[i]), count(int(t.n_switches[i]))))
         rows.append(
             {
                 "index": i,
