@@ -116,7 +116,7 @@ def deterministic_design(
         return Waveform([Pulse(0.0, rise_us, peak_us, max_volts), Pulse(arrival_us - lead_us, rise_us, math.inf, hold)])
 
     free = switch.copy()
-    free[0] = 0.5 * (switch[0] + switch[1])  # the same motion with the contact out of the way
+    free[0] = min(0.5 * (switch[0] + switch[1]), _known_to(device, switch))  # the same with the contact out of the way
 
     def miss(unknowns: FloatArray) -> FloatArray:
         peak_us, arrival_us = max(float(unknowns[0]), 0.0), max(float(unknowns[1]), lead_us + 1e-3)
@@ -145,6 +145,15 @@ def deterministic_design(
             f"the pulses overlap and reach {peak:.4g} V; the sum may not exceed {max_volts:g} V: lower hold_volts"
         )
     return waveform
+
+
+def _known_to(device: Device, switch: FloatArray) -> float:
+    """How far a contact may go before the electrode leaves what is known of its capacitance [µm]."""
+    modes = device.modes
+    if modes is None or modes.capacitance is None or not modes.capacitance.travel_um:
+        return math.inf
+    unit = modes.mode[0].electrode / modes.mode[0].contact
+    return (1.0 - 1e-9) * modes.capacitance.travel_um[-1] / modes.capacitance.gap_um * float(switch[1]) / unit
 
 
 def _coast(switch: FloatArray, volts: float, rise_us: float, device: Device, name: str) -> tuple[float, float]:

@@ -265,3 +265,25 @@ def test_a_campaign_without_candidates_cannot_be_certified(tmp_path: Path) -> No
     store = make_campaign(tmp_path / "empty.zarr", *COARSE, run=False)
     with pytest.raises(CertifyError, match="no usable candidate yet"):
         certify(store, n_switches=N)
+
+
+def test_a_certificate_says_what_a_drive_that_is_a_little_off_does(store: str) -> None:
+    from dataclasses import replace
+
+    from softclose_workflows.analyses.drive_off import GAINS, drive_off_to_json, off_by_drive
+
+    result = certify(store, n_switches=400, top=1)
+    rows = off_by_drive(store, result)
+    assert [row.error.gain for row in rows] == [0.0, *GAINS]
+    assert rows[0].assessment == result.best.assessment
+    config = CampaignConfig.from_dict(open_campaign(store).config)
+    for row in rows[1:]:
+        volts = [replace(p, volts=p.volts * (1.0 + row.error.gain)) for p in result.best.waveform.pulses]
+        (alone,) = simulate_fresh(config, [Waveform(volts)], n_switches=400, seed=result.seed)
+        assert row.assessment.v_u_cm_s == pytest.approx(assess_fresh(alone, config).v_u_cm_s, abs=0.02)
+    told = drive_off_to_json(rows)
+    assert [row["gain"] for row in told] == [0.0, *GAINS]
+    assert told[0]["p_nc"] == result.best.assessment.p_nc
+    text = CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "-q"]).stdout
+    assert "the best, where drive or model is off (400 of the new switches):" in text
+    assert "volts +3 %: v_u " in text

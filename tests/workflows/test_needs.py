@@ -128,6 +128,19 @@ def test_the_estimate_of_the_disk_is_of_the_size_of_a_real_store(finished_store:
     assert needed < written < 4.0 * needed
 
 
+def test_a_campaign_says_what_it_will_write_and_where_it_is_much_what_makes_it_less() -> None:
+    small = load_config("current", (*FINISHED, "finish.budget=0"))
+    said = needs.announced(small)
+    assert re.fullmatch(r"the store will take about [0-9.]+ [kM]B", said)
+    large = load_config("current", ["explore.budget=50000", "store.n_times=1001"])
+    said = needs.announced(large)
+    assert re.match(r"the store will take about [0-9.]+ GB, 9\d % of it x\(t\) and v\(t\)", said)
+    assert "store.n_times=1001" in said
+    assert needs.of_run(load_config("current", ["explore.budget=50000", "store.n_times=11"]), workers=0).disk_bytes < (
+        0.1 * needs.of_run(large, workers=0).disk_bytes
+    )
+
+
 def test_what_is_committed_needs_no_further_disk() -> None:
     config = load_config("current")
     whole = needs.of_run(config, workers=1)

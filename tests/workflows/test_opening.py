@@ -35,6 +35,9 @@ def test_it_judges_designs_and_draws(store: str, tmp_path: Path) -> None:
     told = _opening(store, "--switches", "300")
     assert "the holding pulse falls" in told
     assert "with a brake" not in told
+    assert "not within the 200 µs simulated (--watch, opening.watch_us)" in " ".join(told.split())
+    longer = json.loads(_opening(store, "--switches", "300", "--watch", "400", "--json"))["release"]
+    assert longer["overshoot"] == pytest.approx(plain["overshoot"], rel=0.02), "it comes soon after the fall"
 
 
 def test_too_early_a_release_is_one_error(store: str) -> None:

@@ -46,13 +46,26 @@ def test_a_best_that_a_reference_beats_is_said_by_run_and_certify(
 
 def test_a_best_that_is_better_or_a_reference_without_an_objective_says_nothing() -> None:
     def of(g: float, p_nc: float = 0.0) -> Any:
-        return SimpleNamespace(g_cm_s=g, p_nc=p_nc, rank_cm_s=rank_cm_s(g, p_nc, 0.1))
+        ranked = rank_cm_s(g, p_nc, 0.1)
+        return SimpleNamespace(g_cm_s=g, p_nc=p_nc, rank_cm_s=ranked, closed_by_us=0.0, closing_us=math.nan)
 
     assert beaten_lines(of(10.0), {"unshaped": of(40.0), "deterministic": of(math.nan)}) == []
     assert len(beaten_lines(of(41.0), {"unshaped": of(40.0), "deterministic": of(50.0)})) == 1
     (line,) = beaten_lines(of(10.0, 0.71), {"unshaped": of(40.0), "deterministic": of(5.0, 0.8)})
     assert "the unshaped design is better" in line
     assert "0.0% of the switches open against 71.0%" in line
+
+
+def test_a_slow_ramp_is_told_what_to_ask_for_and_a_quick_drive_is_not() -> None:
+    def of(closing_us: float, closed_by_us: float = 0.0) -> Any:
+        return SimpleNamespace(rank_cm_s=1.0, closing_us=closing_us, closed_by_us=closed_by_us)
+
+    (line,) = beaten_lines(of(18.0), {"unshaped": of(2.3)})
+    assert "takes 18 µs to close, a step 2.3" in line
+    assert "objective.closed_by_us=10" in line
+    assert beaten_lines(of(18.0, closed_by_us=20.0), {"unshaped": of(2.3)}) == []
+    assert beaten_lines(of(9.0), {"unshaped": of(2.3)}) == []
+    assert beaten_lines(of(18.0), {"unshaped": of(math.nan), "deterministic": of(2.3)}) == []
 
 
 @pytest.mark.parametrize("preset", ["current-damped", "current-two-modes", "current"])
@@ -76,3 +89,8 @@ def test_a_difference_that_does_not_exist_is_words_and_no_nan() -> None:
     assert "nan" not in line
     assert "no difference of v_u, since too few switches touch" in line
     assert "no switch touches under both" in line
+
+
+def test_a_table_of_capacitance_that_ends_at_the_contact_has_a_deterministic_design_too() -> None:
+    """The design's motion is looked for with the contact out of the way, no farther than the table is known."""
+    assert "deterministic" in reference_designs(load_config("actuator")).designs

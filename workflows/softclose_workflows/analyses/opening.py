@@ -37,18 +37,22 @@ def opening(
     at_us: float | None = None,
     candidate: int | None = None,
     brake: int = 0,
+    watch_us: float | None = None,
     n_switches: int = 10_000,
     mapper: Mapper = here,
     listener: Step | None = None,
 ) -> Judged:
     """A stored waveform, let go at an instant: the campaign's own, or else its horizon.
 
+    watch_us: how long the lot is simulated from then on; None: the campaign's own opening.watch_us.
     brake: waveforms to try for one; 0: the one that the campaign has designed, where it let go at that instant. Raises
     OpeningError and CertifyError.
     """
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
     config = chosen.config
+    if watch_us is not None:
+        config = config.revised([f"opening.watch_us={watch_us!r}"])
     at = (config.opening.release_us or config.model.horizon_us) if at_us is None else at_us
     drive = opened(chosen.waveform, at)
     fresh = fresh_switches(config, n_switches, seed=chosen.seed)
@@ -59,7 +63,7 @@ def opening(
         designed = design_brake(
             config, training, drive, at_us=at, budget=brake, seed=chosen.seed, mapper=mapper, listener=listener
         )
-    elif at == config.opening.release_us:
+    elif at == config.opening.release_us and watch_us is None:
         own = designed_opening(path, chosen.candidate, mapper=mapper)
         designed = own.braked.released.waveform if own is not None and own.braked is not None else None
     braked = None if designed is None else judge_opening(config, fresh, designed, at_us=at, mapper=mapper)
@@ -75,9 +79,9 @@ def opening_words(found: Openings) -> str:
     return f"{told}, with a brake ({brake}) {found.braked.overshoot:.3f}"
 
 
-def _time(value: float, lower: float, upper: float) -> str:
+def _time(value: float, lower: float, upper: float, watched_us: float) -> str:
     if math.isinf(value):
-        return "not within the simulated time"
+        return f"not within the {watched_us:g} µs simulated (--watch, opening.watch_us)"
     return f"{value:.1f} ({lower:.1f}–{upper:.1f})"
 
 
@@ -103,7 +107,7 @@ def print_openings(title: str, found: Openings, level: float) -> None:
             with_interval(o.overshoot, *o.overshoot_interval, 3),
             share(o.p_rebound.estimate, *o.p_rebound.wilson),
             share(o.p_stuck.estimate, *o.p_stuck.wilson),
-            _time(o.settling_us, *o.settling_interval),
+            _time(o.settling_us, *o.settling_interval, float(o.released.times_us[-1])),
         )
     wide_console().print(table)
 

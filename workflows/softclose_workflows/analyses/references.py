@@ -76,7 +76,7 @@ def simulate_references(config: CampaignConfig, lot: Lot, mapper: Mapper = here)
 
 
 def beaten_lines(best: Assessment, references: Mapping[str, Assessment]) -> list[str]:
-    """One line for people for each reference design that ranks before the best candidate.
+    """One line for people for each reference design that ranks before the best candidate, and one where it is slow.
 
     references: by name, on the same switches. A reference competes: what a search finds should beat it.
     """
@@ -86,11 +86,28 @@ def beaten_lines(best: Assessment, references: Mapping[str, Assessment]) -> list
             return f"{a.p_nc:.1%} of the switches open against {best.p_nc:.1%}"
         return f"g {a.g_cm_s:.2f} against {best.g_cm_s:.2f} cm/s on the same switches"
 
-    return [
+    lines = [
         f"the {name} design is better than the best candidate ({compared(a)}): give the search more candidates "
         "(resume --budget), or widen its space and limits"
         for name, a in references.items()
         if a.rank_cm_s < best.rank_cm_s
+    ]
+    step = references.get("unshaped")
+    return [*lines, *(slow_lines(best, step) if step is not None else [])]
+
+
+SLOW = 4.0
+"""A drive that takes so many times a step's closing time is a slow ramp: nobody asked it to be quick."""
+
+
+def slow_lines(best: Assessment, step: Assessment) -> list[str]:
+    """What to ask for where the best candidate is a slow ramp and nothing says until when switches must be closed."""
+    if best.closed_by_us or not best.closing_us > SLOW * step.closing_us:
+        return []
+    limit = 0.5 * (best.closing_us + step.closing_us)
+    return [
+        f"the best candidate takes {best.closing_us:.3g} µs to close, a step {step.closing_us:.3g}: where that is too "
+        f"slow, say until when a switch must be closed and search again (such as objective.closed_by_us={limit:.2g})"
     ]
 
 

@@ -28,6 +28,13 @@ if TYPE_CHECKING:
     metavar="N",
     help="Design a braking pulse, with so many waveforms tried; 0: the campaign's own, if it has one.",
 )
+@click.option(
+    "--watch",
+    "watch_us",
+    type=float,
+    metavar="US",
+    help="How long to simulate after the fall begins [opening.watch_us].",
+)
 @click.option("--switches", type=click.IntRange(min=100), default=10_000, show_default=True, help="New switches.")
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it (.svg, .png or .pdf).")
 @crew_options
@@ -38,6 +45,7 @@ def opening(
     candidate: int | None,
     at_us: float | None,
     brake: int,
+    watch_us: float | None,
     switches: int,
     figure: Path | None,
     placement: Placement,
@@ -65,6 +73,7 @@ def opening(
             at_us=at_us,
             candidate=candidate,
             brake=brake,
+            watch_us=watch_us,
             n_switches=switches,
             mapper=crew,
             listener=listener,

@@ -19,7 +19,8 @@ def opening_rows(data: ReportData) -> list[dict[str, str]]:
         return []
 
     def row(name: str, o: Opening) -> dict[str, str]:
-        settles = "not within the simulated time" if math.isinf(o.settling_us) else number(o.settling_us)
+        watched = f"not within the {o.released.times_us[-1]:g} µs simulated (opening.watch_us)"
+        settles = watched if math.isinf(o.settling_us) else number(o.settling_us)
         return {
             "name": name,
             "overshoot": number(o.overshoot, 3),

@@ -20,11 +20,12 @@ from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store, layout_of
 from softclose_workflows.run.crew import Crew
 from softclose_workflows.run.executors import Placement, open_executor
-from softclose_workflows.run.needs import check_run
+from softclose_workflows.run.needs import announced, check_run
 from softclose_workflows.run.opening import design_at_the_end
 from softclose_workflows.run.progress import show_progress
 from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import stop_on_signals
+from softclose_workflows.terminal import say
 
 
 def drive(
@@ -55,6 +56,8 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
         if whole.model.name == MEASURED and not state.finished:
             measured()
         check_run(whole, placement, path, committed=state.n_committed)
+        if is_new and not quiet:
+            say(announced(whole), err=True)
         if config is not None and not is_new:
             create_store(config, path)  # refuses whatever is not this very campaign
         if not state.finished:

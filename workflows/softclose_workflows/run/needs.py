@@ -58,6 +58,24 @@ def of_run(config: CampaignConfig, *, workers: int, committed: int = 0) -> Needs
     )
 
 
+def announced(config: CampaignConfig) -> str:
+    """What a campaign will write, before it runs, and where it is much the settings that make it less."""
+    size = of_run(config, workers=0).disk_bytes
+    said = f"the store will take about {_bytes(size)}"
+    if size < MUCH_BYTES:
+        return said
+    n_times = config.store.n_times
+    motion = TIME_DISK_BYTES * n_times / (TRAJECTORY_DISK_BYTES + TIME_DISK_BYTES * n_times)
+    return (
+        f"{said}, {100.0 * motion:.0f} % of it x(t) and v(t) of every switch at store.n_times={n_times} "
+        "instants; fewer of them, or store.max_impacts, make it smaller"
+    )
+
+
+MUCH_BYTES = 5e8
+"""From here on a store's size is worth a thought."""
+
+
 def of_ensemble(n_switches: int) -> Needs:
     """An ensemble drawn and simulated at once in this process, metrics alone."""
     return Needs(memory_bytes=DRIVER_SWITCH_BYTES * n_switches)

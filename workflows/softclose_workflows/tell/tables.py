@@ -105,10 +105,11 @@ def print_designs(
     table = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_lines=True)
     for column in ("design", "waveform"):
         table.add_column(column)
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]", "closed after [µs]"):
         table.add_column(column, justify="right", no_wrap=True)
     for name, rows, record in designs:
-        table.add_row(name, describe_waveform(rows), *metrics_row(record))
+        closing = with_interval(record["closing_us"], record["closing_lower_us"], record["closing_upper_us"], 1)
+        table.add_row(name, describe_waveform(rows), *metrics_row(record), closing)
     wide_console().print(table)
 
 
