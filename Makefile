@@ -5,6 +5,7 @@ BIN     := $(VENV)/bin
 RUNS    ?= runs
 WORKERS ?= 2
 TESTERS ?= auto
+LONG    ?=
 INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 
 # One thread per process: numerical libraries must not reorder sums, nor fight Dask for cores.
@@ -76,7 +77,7 @@ docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as 
 
 long: env-test  ## what `make test` leaves out: every case of the claims that take minutes
 	PYTHONPATH=tests $(BIN)/python -m compile_kernels
-	SOFTCLOSE_WHOLE=1 $(BIN)/python -m pytest -m long --numprocesses $(TESTERS) --dist worksteal
+	SOFTCLOSE_WHOLE=1 $(BIN)/python -m pytest -m long $(LONG) --numprocesses $(TESTERS) --dist worksteal
 
 wheel: env  ## sdist, and the wheel built from it, installed elsewhere: a small run and its report from an empty folder
 	rm -rf build/wheel && mkdir -p build/wheel/empty

@@ -1,8 +1,13 @@
-"""Owns how many examples a property is tried on: a quarter in `make test`, all in `make long`."""
+"""Owns how much of a claim is tried in `make test`, where `make long` tries all of it."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+from _pytest.mark import ParameterSet
 
 WHOLE = "SOFTCLOSE_WHOLE"
 """The environment variable that `make long` sets."""
@@ -16,3 +21,10 @@ def is_whole() -> bool:
 def examples(n: int) -> int:
     """Of n examples those that are tried here, five at least."""
     return n if is_whole() else min(n, max(n // 4, 5))
+
+
+def in_turn(cases: Iterable[Any], step: int, first: int = 0) -> list[ParameterSet]:
+    """Parameters of which each step-th is tried here, from `first` on; the others are long."""
+    return [
+        pytest.param(case, marks=() if i % step == first % step else pytest.mark.long) for i, case in enumerate(cases)
+    ]

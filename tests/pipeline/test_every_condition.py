@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import by_hand
 from conditions_of_campaigns import CONDITIONS, DRIVE, compatible, config
-from examples import examples
+from examples import examples, in_turn
 from softclose import Trace
 from softclose.conditions.streams import Ensemble, Stream, StreamError, check
 from softclose.evaluate import coordinates, draw, evaluate, realise, respond, uniforms
@@ -36,10 +36,7 @@ SHARE = 4
 
 def each(first: int) -> pytest.MarkDecorator:
     """Every condition; long but for each fourth from `first` on."""
-    names = enumerate(CONDITIONS)
-    return pytest.mark.parametrize(
-        "name", [pytest.param(name, marks=() if i % SHARE == first % SHARE else pytest.mark.long) for i, name in names]
-    )
+    return pytest.mark.parametrize("name", in_turn(CONDITIONS, SHARE, first))
 
 
 SAME_AS_PLAIN = {"closed in time"}

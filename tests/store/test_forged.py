@@ -21,7 +21,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from examples import examples
+from examples import examples, in_turn
 from small_store import create, recompute, run
 from softclose_store import DamageError, DriverStore, StoreError, open_campaign, repair, store_state, verify
 from softclose_store.read.bounds import MOST_WORDS_BYTES, Bound
@@ -122,9 +122,7 @@ FORGED: dict[str, Change] = {
 }
 
 
-@pytest.mark.parametrize(
-    "forged", [pytest.param(n, marks=() if i % 5 == 0 else pytest.mark.long) for i, n in enumerate(FORGED)]
-)
+@pytest.mark.parametrize("forged", in_turn(FORGED, 5))
 def test_a_root_of_wrong_types_or_sizes_is_refused_in_one_line_and_rebuilt(
     forged: str, whole: Path, store: Path
 ) -> None:

@@ -13,6 +13,7 @@ import zarr
 from numpy.testing import assert_array_equal
 
 import small_store
+from examples import in_turn
 from small_store import create, population, proposal, record, run, write_wave
 from softclose_store import (
     DamageError,
@@ -95,7 +96,7 @@ SINGLE = (
 )
 
 
-@pytest.mark.parametrize("key", SINGLE)
+@pytest.mark.parametrize("key", in_turn(SINGLE, 3))
 def test_any_kind_of_file_is_written_again_as_it_was_and_proved(finished, original, key):
     rng = random.Random(key)
     for kind in rng.sample(["flip", "truncate", "delete", "append"], 2):
@@ -177,7 +178,7 @@ def test_lost_timings_are_said_to_be_lost(finished, original):
 
 
 @pytest.mark.parametrize("lost", [["records"], ["digests"], ["digests", "records"], ["digests", "words", "wall_times"]])
-@pytest.mark.parametrize("fate", ["emptied", "deleted"])
+@pytest.mark.parametrize("fate", ["emptied", pytest.param("deleted", marks=pytest.mark.long)])
 def test_without_its_root_a_store_still_knows_how_much_was_committed(finished, original, lost, fate):
     for key in ["zarr.json", *(f"candidates/{name}/c.0.0" for name in lost)]:
         (finished / key).write_bytes(b"") if fate == "emptied" else (finished / key).unlink()

@@ -10,6 +10,7 @@ import pytest
 import zarr
 from numpy.testing import assert_array_equal
 
+from examples import in_turn
 from small_store import create, run, write_wave
 from softclose_store import DamageError, DriverStore, GroupArray, open_campaign, read_group, verify, write_group
 from softclose_store.schema.root import Root
@@ -50,7 +51,7 @@ def test_an_intact_store_has_no_problem_and_every_block_was_read(finished):
     assert told == search + [("finish", i, j) for i in range(3) for j in range(2)]
 
 
-@pytest.mark.parametrize("kind", ["flip", "truncate", "delete", "append"])
+@pytest.mark.parametrize("kind", in_turn(["flip", "truncate", "delete", "append"], 4))
 def test_damage_to_any_file_is_found(finished, kind):
     rng = random.Random(f"{kind} 1")
     missed = []
