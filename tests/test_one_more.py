@@ -17,6 +17,7 @@ from softclose.conditions.protocol import Condition, Coordinate, Surroundings, U
 from softclose.conditions.streams import Stream
 from softclose.device.drives import Drives, product
 from softclose.evaluate import chain, coordinates, draw, evaluate, respond
+from softclose.evaluate.asked import told
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, quantity
 from softclose.population.lot import COLUMNS, Column, Lot
 from softclose.settings import CampaignConfig, ConfigError, load_config
@@ -99,6 +100,27 @@ def test_one_more_quantity_is_an_object_in_one_file(monkeypatch: pytest.MonkeyPa
     values = np.sort(lot["M"] * closing.response.max_contact_speed)
     values = values[~np.isnan(values)]
     assert quantity("momentum").of(closing).estimate == values[int(np.ceil(0.9 * values.size)) - 1]
+
+
+def test_one_more_axis_term_limit_and_line_are_a_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing but the object: it is weighed, limited, told, and an axis of a front."""
+    heaviest = Quantity(
+        name="momentum", unit="nN s", long_name="momentum at the hardest impact", per="switch",
+        values=lambda c: c.lot["M"] * c.response.max_contact_speed,
+    )  # fmt: skip
+    monkeypatch.setitem(QUANTITIES, heaviest.name, heaviest)
+    lot = draw(CONFIG, 100, seed=1)
+    plain = evaluate(CONFIG, lot, DRIVE)
+    speed = respond(CONFIG, lot, DRIVE).max_contact_speed
+    hard = np.sort((lot["M"] * speed)[~np.isnan(speed)])
+    expected = hard[int(np.ceil(0.9 * hard.size)) - 1]
+    weighed = load_config({"objective": {"weights": {"momentum": 2.0}}})
+    assert evaluate(weighed, lot, DRIVE).g_cm_s == pytest.approx(plain.g_cm_s + 2.0 * expected)
+    limited = load_config({"objective": {"quantity_limits": {"momentum": expected / 2.0}, "limit_penalty_cm_s": 10.0}})
+    assert evaluate(limited, lot, DRIVE).g_cm_s == pytest.approx(plain.g_cm_s + 10.0)
+    front = load_config({"optimiser": {"objectives": ["v_u", "momentum"]}, "objective": {"lines": ["momentum"]}})
+    response = respond(front, lot, DRIVE)
+    assert told(front, response, evaluate(front, lot, DRIVE))["momentum"].estimate == expected
 
 
 def test_one_more_device_model_touches_no_file(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.conditions.streams import BRAKE
-from softclose.evaluate.chain import chain_of
+from softclose.evaluate.chain import cases_of, chain_of, drives_of
 from softclose.evaluate.pieces import Mapper, Sent, here
-from softclose.evaluate.respond import cases_of, drives_of, respond_each
+from softclose.evaluate.respond import respond_each
 from softclose.metrics.intervals import Interval, Proportion, proportion, quantile_estimate
 from softclose.population.lot import Lot
 from softclose.propose.descents import strategy

@@ -26,6 +26,10 @@ class ModelError(ValueError):
     """A device model that is not installed."""
 
 
+class QuantityError(ValueError):
+    """A quantity that does not exist, or that a response does not tell."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plugin:
     """One kind of thing that can be plugged in."""

@@ -29,14 +29,6 @@ WIDE = StageLayout(name="search", n_candidates=4, n_switches=16_640, block_candi
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("whole") / "a.zarr"
-    create(path)
-    run(path, 8)
-    return path
-
-
-@pytest.fixture(scope="module")
 def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("wide") / "a.zarr"
     sizes = create(path, Layout(stages=(WIDE,), times_us=np.linspace(0.0, 1.0, 3), max_impacts=0, n_pulses=2))
@@ -47,11 +39,6 @@ def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
             arrays = {j: block(sizes, "search", i, j) for j in range(2)}
             store.commit(rows, {(i, j): write_block(path, "search", i, j, arrays[j], digest) for j in range(2)})
     return path
-
-
-@pytest.fixture
-def store(whole: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(whole, tmp_path / "a.zarr"))
 
 
 def swap(store: Path, a: str, b: str) -> None:

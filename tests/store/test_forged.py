@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -22,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples import examples, in_turn
-from small_store import create, recompute, run
+from small_store import recompute
 from softclose_store import DamageError, DriverStore, StoreError, open_campaign, repair, store_state, verify
 from softclose_store.read.bounds import MOST_WORDS_BYTES, Bound
 from softclose_store.schema.documents import GroupArrayDocument, checked
@@ -30,19 +29,6 @@ from softclose_store.schema.root import Root
 from softclose_store.schema.texts import MOST_DEEP, read_json
 
 Change = Callable[[dict[str, Any]], Any]
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("whole") / "a.zarr"
-    create(path)
-    run(path, 8)
-    return path
-
-
-@pytest.fixture
-def store(whole: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(whole, tmp_path / "a.zarr"))
 
 
 def forge(store: Path, change: Change, key: str = "zarr.json") -> None:

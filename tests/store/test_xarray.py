@@ -39,19 +39,6 @@ from softclose_store import (
 GROUP = "certification/9-1"
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("whole") / "a.zarr"
-    create(path)
-    run(path)
-    return path
-
-
-@pytest.fixture
-def store(whole: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(whole, tmp_path / "a.zarr"))
-
-
 def tree_of(path: Path) -> Any:
     return xr.open_datatree(path, engine="zarr", chunks=None)
 

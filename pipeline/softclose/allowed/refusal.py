@@ -51,7 +51,9 @@ def _choices(hint: Any) -> tuple[str, ...]:
 
 
 def _entry(hint: Any) -> Any:
-    """What the entries of a list are."""
+    """What the entries of a list are, or those of a table."""
+    if get_origin(hint) is dict:
+        return get_args(hint)[1]
     return next((a for a in get_args(hint) if a is not Ellipsis), hint)
 
 

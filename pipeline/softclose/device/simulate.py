@@ -68,6 +68,8 @@ class Responses:
     """(n, n_time) travel [µm]."""
     v: NDArray[Any] | None = None
     """(n, n_time) velocity [µm/µs]; just before the impact where an instant is exactly one."""
+    asked: FloatArray | None = None
+    """(n, k) what else a campaign asks for of each switch (`softclose.evaluate.asked`), NaN where it has none."""
 
     def __post_init__(self) -> None:
         failed = np.asarray(self.status) != Status.OK

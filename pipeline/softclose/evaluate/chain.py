@@ -1,21 +1,25 @@
-"""Owns the chain of a campaign: its device and its conditions, built from the configuration."""
+"""Owns the chain of a campaign: device and conditions, from the configuration; what drives a lot, in which cases."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any
 
 from softclose.conditions.amplifier import Amplifier
 from softclose.conditions.learning import TailoredByLearning
 from softclose.conditions.model_error import ModelError
-from softclose.conditions.protocol import Condition, Surroundings
+from softclose.conditions.protocol import Case, Condition, Surroundings
 from softclose.conditions.temperature import Temperature
 from softclose.conditions.trim import Tailored
 from softclose.device.device import Device
+from softclose.device.drives import Drives
 from softclose.device.options import options_of
 from softclose.plugins import REDUCED_ORDER
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
+from softclose.waveform import Drive
 
 CONDITIONS: tuple[type[Condition], ...] = (ModelError, Tailored, TailoredByLearning, Amplifier, Temperature)
 """Every condition, in the order of the signal's way: what is measured is measured before what changes a switch."""
@@ -84,3 +88,22 @@ def _chain(same: _Same) -> Chain:
     )
     built = (kind.of(getattr(config, kind.section), around) for kind in CONDITIONS)
     return Chain(around=around, conditions=tuple(condition for condition in built if condition is not None))
+
+
+def drives_of(chain: Chain, lot: Lot, waveform: Drive, *, for_everybody: bool = False) -> Drives:
+    """What drives each switch of a lot under one waveform."""
+    drives = Drives(command=waveform)
+    for condition in chain.conditions:
+        if not (for_everybody and condition.tailored):
+            drives = condition.drives(drives, lot)
+    return drives
+
+
+def cases_of(chain: Chain, lot: Lot) -> list[Lot]:
+    """The lot in every combination of its conditions' cases."""
+    return [reduce(lambda changed, case: case.of(changed), chosen, lot) for chosen in combinations(chain)]
+
+
+def combinations(chain: Chain) -> list[tuple[Case, ...]]:
+    """Every combination of the conditions' cases, in the order in which they are simulated; [()] without any."""
+    return [*itertools.product(*(found for condition in chain.conditions if (found := condition.cases())))]

@@ -1,14 +1,15 @@
-"""Owns judging: a response and the campaign's objective make an assessment (Eqs. 7-11)."""
+"""Owns judging: a response and the campaign's objective make an assessment (Eqs. 7-11, and what else is weighed)."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from numpy.typing import ArrayLike
 
+from softclose.evaluate.asked import weighed
 from softclose.evaluate.respond import respond
-from softclose.metrics.objective import Assessment, Response, assess
+from softclose.evaluate.scoring import score
+from softclose.metrics.objective import Assessment, Response
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Drive
@@ -29,9 +30,13 @@ def judge(config: CampaignConfig, response: Response, *, fresh: bool = False) ->
     Returns
     -------
     Assessment
+
+    Raises
+    ------
+    QuantityError
+        Where the campaign weighs or limits a quantity that the response does not tell.
     """
-    settings = objective_settings(config)
-    return assess(response, **(settings | {"sampling": "monte-carlo"} if fresh else settings))
+    return weighed(config, response, score(config, response, fresh=fresh), fresh=fresh)
 
 
 def evaluate(
@@ -45,25 +50,3 @@ def evaluate(
 ) -> Assessment:
     """Assess one waveform on a lot; see `respond` and `judge`."""
     return judge(config, respond(config, lot, waveform, max_volts=max_volts, threads=threads), fresh=fresh)
-
-
-def objective_settings(config: CampaignConfig) -> dict[str, Any]:
-    """The keyword arguments of `assess` that a configuration stands for."""
-    o = config.objective
-    return {
-        "form": o.form,
-        "risk": o.risk,
-        "level": o.level,
-        "closed_by_us": o.closed_by_us,
-        "c1_cm_s": o.c1_cm_s,
-        "p_max": o.p_max if o.form == "chance" else None,
-        "assured": o.assured,
-        "chance_penalty_cm_s": o.chance_penalty_cm_s,
-        "limits_cm_s": o.limits_cm_s,
-        "min_contact": o.min_contact,
-        "undefined_v_u_cm_s": o.undefined_v_u_cm_s,
-        "max_open": o.max_open,
-        "warn_open": o.warn_open,
-        "confidence": o.confidence,
-        "sampling": config.population.sampling,
-    }

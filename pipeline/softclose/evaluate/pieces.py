@@ -91,6 +91,7 @@ def light(found: Any) -> Judged:
         closed=np.asarray(found.closed, dtype=np.bool_),
         status=np.asarray(found.status, dtype=np.int8),
         settling_us=np.asarray(found.settling_us, dtype=np.float64),
+        asked=found.asked,
     )
 
 
@@ -117,9 +118,11 @@ def joined_judged(parts: Sequence[Judged]) -> Judged:
     if len(parts) == 1:
         return parts[0]
     settling = [part.settling_us for part in parts if part.settling_us is not None]
+    asked = [part.asked for part in parts if part.asked is not None]
     return Judged(
         max_contact_speed=np.concatenate([part.max_contact_speed for part in parts]),
         closed=np.concatenate([part.closed for part in parts]),
         status=np.concatenate([part.status for part in parts]),
         settling_us=np.concatenate(settling) if len(settling) == len(parts) else None,
+        asked=np.concatenate(asked) if len(asked) == len(parts) else None,
     )

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.evaluate.chain import Chain, chain_of
-from softclose.evaluate.judging import judge
-from softclose.evaluate.respond import drives_of
+from softclose.device.drives import Drives
+from softclose.evaluate.chain import Chain, chain_of, drives_of
+from softclose.evaluate.scoring import score
 from softclose.metrics.intervals import NO_INTERVAL, Interval, quantile_estimate
 from softclose.metrics.objective import Assessment
+from softclose.plugins import QuantityError
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.switch.plate import EPSILON_0
@@ -37,10 +38,6 @@ LOOKS_PER_US = 20
 """Looks at a drive in a microsecond, where its slope or its area is asked for."""
 
 
-class QuantityError(ValueError):
-    """A quantity that does not exist, or that a response does not tell."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Closing:
     """A lot's closing under one waveform: everything that a quantity may look at."""
@@ -53,10 +50,17 @@ class Closing:
     """What was commanded."""
     response: Responses
     """What they did."""
-    assessment: Assessment
-    """How it was judged."""
     held_V: FloatArray
     """(n,) voltage at each switch at the end of the simulation [V]."""
+    assessment: Assessment | None = None
+    """How it was judged; None where only quantities of switches and drives are asked for."""
+
+    @property
+    def judged(self) -> Assessment:
+        """How it was judged."""
+        if self.assessment is None:
+            raise QuantityError("quantities of a lot follow from its assessment, which this closing has not")
+        return self.assessment
 
     @classmethod
     def of(
@@ -77,18 +81,20 @@ class Closing:
             lot=lot,
             waveform=waveform,
             response=response,
-            assessment=judge(config, response, fresh=fresh),
-            held_V=held_voltages(chain, lot, waveform, for_everybody=for_everybody),
+            assessment=score(config, response, fresh=fresh),
+            held_V=held_voltages(chain, lot, waveform, drives_of(chain, lot, waveform, for_everybody=for_everybody)),
         )
 
 
-def held_voltages(chain: Chain, lot: Lot, waveform: Drive, *, for_everybody: bool = False) -> FloatArray:
+def held_voltages(chain: Chain, lot: Lot, waveform: Drive, drives: Drives | None = None) -> FloatArray:
     """(n,) voltage at each switch at the end of the simulation [V].
 
     Behind an amplifier that answers in proportion it is that of the common command in proportion: at the end a command
     has been held for long. Behind another one every drive is delivered.
+
+    drives: by default the lot's own.
     """
-    drives, horizon = drives_of(chain, lot, waveform, for_everybody=for_everybody), chain.device.horizon_us
+    drives, horizon = drives or drives_of(chain, lot, waveform), chain.device.horizon_us
     ones = np.ones(len(lot))
     volts, times, gain = (ones if f is None else f for f in (drives.volts, drives.times, drives.gain))
     delivery = drives.delivery
@@ -132,33 +138,37 @@ class Quantity:
 
     def of(self, closing: Closing) -> Value:
         """Its value, with a distribution-free interval of order statistics where it is of every switch."""
-        found, a = np.asarray(self.values(closing), dtype=np.float64), closing.assessment
-        if self.per == "drive":
-            value = float(found[0])
-            return Value(estimate=value, interval=(value, value), n=0)
+        found, a = np.asarray(self.values(closing), dtype=np.float64), closing.judged
         if self.per == "lot":
             return Value(estimate=float(found[0]), interval=(float(found[1]), float(found[2])), n=a.n)
-        ordered = np.sort(found[~np.isnan(found)])
+        return self.of_column(found, level=a.level, confidence=a.confidence, has_interval=a.intervals_valid)
+
+    def of_column(self, values: FloatArray, *, level: float, confidence: float, has_interval: bool) -> Value:
+        """Its value from those of the switches, (n,), or of a drive, whose first counts; not of a lot's quantity."""
+        if self.per == "drive":
+            value = float(values[0])
+            return Value(estimate=value, interval=(value, value), n=0)
+        ordered = np.sort(values[~np.isnan(values)])
         if not ordered.size:
             return Value(estimate=math.nan, interval=NO_INTERVAL, n=0)
         if self.better == "low":
-            value, interval = quantile_estimate(ordered, a.level, a.confidence)
+            value, interval = quantile_estimate(ordered, level, confidence)
         else:  # the level-quantile from above: of the mirrored values
-            value, (low, high) = quantile_estimate(-ordered[::-1], a.level, a.confidence)
+            value, (low, high) = quantile_estimate(-ordered[::-1], level, confidence)
             value, interval = -value, (-high, -low)
-        return Value(estimate=value, interval=interval if a.intervals_valid else NO_INTERVAL, n=int(ordered.size))
+        return Value(estimate=value, interval=interval if has_interval else NO_INTERVAL, n=int(ordered.size))
 
 
 def _of_assessment(estimate: str, interval: str) -> Callable[[Closing], FloatArray]:
     def values(c: Closing) -> FloatArray:
-        low, high = getattr(c.assessment, interval)
-        return np.array([getattr(c.assessment, estimate), low, high])
+        low, high = getattr(c.judged, interval)
+        return np.array([getattr(c.judged, estimate), low, high])
 
     return values
 
 
 def _open(c: Closing) -> FloatArray:
-    p = c.assessment.p_nc_intervals
+    p = c.judged.p_nc_intervals
     return np.array([p.estimate, *p.wilson])
 
 
@@ -166,7 +176,9 @@ def _impacts(c: Closing) -> FloatArray:
     """(n, k) speeds of the impacts [µm/µs], NaN behind the last. Raises QuantityError where some are not known."""
     speeds = c.response.impact_speed
     if speeds is None or (np.asarray(c.response.n_impacts) > np.asarray(speeds).shape[1]).any():
-        raise QuantityError("the response does not keep every impact: respond(..., max_impacts=) with as many as occur")
+        raise QuantityError(
+            "the response does not keep every impact: keep as many as occur (store.max_impacts of a campaign)"
+        )
     return np.asarray(speeds, dtype=np.float64)
 
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
-from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from softclose.conditions.protocol import Case
 from softclose.device.device import worst
-from softclose.device.drives import Drives
-from softclose.evaluate.chain import Chain, chain_of
+from softclose.evaluate.asked import asked, asked_columns, worst_columns
+from softclose.evaluate.chain import cases_of, chain_of, drives_of
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.switch.plate import plate_area_of
@@ -58,6 +55,7 @@ def respond(
     -------
     Responses
         (n,) each; where the campaign tries several cases (`temperature.worst_of`), each switch's is that at its worst.
+        `asked` holds the quantities that the campaign asks for, (n, k).
 
     Raises
     ------
@@ -71,7 +69,14 @@ def respond(
     each = respond_each(
         config, lot, waveform, max_volts=max_volts, for_everybody=for_everybody, horizon_us=horizon_us, **outputs
     )
-    return each[0] if len(each) == 1 else worst(each)
+    return counted(config, each)
+
+
+def counted(config: CampaignConfig, each: list[Responses]) -> Responses:
+    """What counts of responses in several cases: each switch's worst, and of each further quantity its own worst."""
+    if len(each) == 1:
+        return each[0]
+    return replace(worst(each), asked=worst_columns(asked(config), [r.asked for r in each]))
 
 
 def respond_each(
@@ -90,23 +95,14 @@ def respond_each(
     table = Lot.of(lot)
     plate_area_of(table, device.plate_area_um2)  # raises for switches of another one
     drives = drives_of(chain, table, waveform, for_everybody=for_everybody)
-    return [device.respond(case, drives, max_volts=max_volts, **outputs) for case in cases_of(chain, table)]
-
-
-def drives_of(chain: Chain, lot: Lot, waveform: Drive, *, for_everybody: bool = False) -> Drives:
-    """What drives each switch of a lot under one waveform."""
-    drives = Drives(command=waveform)
-    for condition in chain.conditions:
-        if not (for_everybody and condition.tailored):
-            drives = condition.drives(drives, lot)
-    return drives
-
-
-def cases_of(chain: Chain, lot: Lot) -> list[Lot]:
-    """The lot in every combination of its conditions' cases."""
-    return [reduce(lambda changed, case: case.of(changed), chosen, lot) for chosen in combinations(chain)]
-
-
-def combinations(chain: Chain) -> list[tuple[Case, ...]]:
-    """Every combination of the conditions' cases, in the order in which they are simulated; [()] without any."""
-    return [*itertools.product(*(found for condition in chain.conditions if (found := condition.cases())))]
+    wanted = asked(config)
+    if wanted:  # sums over impacts need as many as a campaign's store keeps
+        outputs["max_impacts"] = max(outputs.get("max_impacts", 0), config.store.max_impacts)
+    found = []
+    for case in cases_of(chain, table):
+        response = device.respond(case, drives, max_volts=max_volts, **outputs)
+        if wanted:
+            columns = asked_columns(wanted, chain, case, waveform, response, drives)
+            response = replace(response, asked=columns)
+        found.append(response)
+    return found

@@ -70,6 +70,8 @@ class Judged:
     """(n,) 0 where the switch was integrated."""
     settling_us: FloatArray | None = None
     """(n,) instant from which it is held to the horizon [µs]; inf: never; None: not known."""
+    asked: FloatArray | None = None
+    """(n, k) what else a campaign asks for of each switch, NaN where it has none; None: not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -552,12 +554,13 @@ def those_read(response: Response, kept: NDArray[np.bool_] | None = None) -> Res
         return response
     if not kept.any():
         raise ObjectiveError("no switch was measured: every reading is missing")
-    status, settling = getattr(response, "status", None), getattr(response, "settling_us", None)
+    status, settling, asked = (getattr(response, name, None) for name in ("status", "settling_us", "asked"))
     return Judged(
         max_contact_speed=np.asarray(response.max_contact_speed, dtype=np.float64)[kept],
         closed=np.asarray(response.closed, dtype=np.bool_)[kept],
         status=np.zeros(int(kept.sum()), dtype=np.int8) if status is None else np.asarray(status)[kept],
         settling_us=None if settling is None else np.asarray(settling, dtype=np.float64)[kept],
+        asked=None if asked is None else np.asarray(asked, dtype=np.float64)[kept],
     )
 
 

@@ -69,7 +69,7 @@ def _offspring(problem: Problem, seen: Sequence[Observation], wave: Wave) -> Any
     coordinates, kept = space.coordinates_of_all([o.waveform for o in seen])
     values = front_values(problem.config, [seen[i] for i in kept], objectives)
     # An undefined v_u counts as in g.
-    values = np.where(np.isfinite(values), values, worst_values(problem.config, objectives))
+    values = np.where(np.isfinite(values), values, worst_values(problem.config, objectives, values))
     # Who leaves too many open is worse than anybody in every objective, and the more so the more it leaves open.
     ranks = np.array([seen[i].rank_cm_s for i in kept])
     beyond = is_beyond(ranks)

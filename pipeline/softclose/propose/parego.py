@@ -99,9 +99,10 @@ def scaled_values(problem: Problem, records: Sequence[Observation]) -> FloatArra
     """
     objectives = problem.config.optimiser.objectives
     values = front_values(problem.config, records, objectives)
-    worst = worst_values(problem.config, objectives)
+    worst = worst_values(problem.config, objectives, values)
     values = np.where(np.isfinite(values), values, worst)
-    values[is_beyond([o.rank_cm_s for o in records])] = 2.0 * np.maximum(worst, values.max(axis=0))
+    top = np.maximum(worst, values.max(axis=0))
+    values[is_beyond([o.rank_cm_s for o in records])] = top + np.abs(top)  # of what is better high all are negative
     least = values.min(axis=0)
     span = np.maximum(np.median(values, axis=0) - least, 1e-9)
     return np.asarray(np.log1p((values - least) / span) / np.log(2.0))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softclose.conditions.streams import Ensemble
 from softclose.device.protocol import is_own_word
 from softclose.evaluate import draw, respond
-from softclose.evaluate.judging import objective_settings
+from softclose.evaluate.scoring import objective_settings
 from softclose.metrics.value import objective_value
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population.lot import Lot

@@ -66,6 +66,8 @@ class Observation:
     """Closing time of the lot [µs]; inf where too many stay open, NaN where it is not known."""
     beliefs: Mapping[str, float] = field(default_factory=dict)
     """What its proposal said of the surrogate: `Proposal.surrogate`."""
+    quantities: Mapping[str, float] = field(default_factory=dict)
+    """Those further quantities that the campaign asks for, by name."""
 
     @property
     def usable(self) -> bool:

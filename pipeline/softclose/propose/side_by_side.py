@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.evaluate import draw
-from softclose.evaluate import evaluate as apply
+from softclose.evaluate import draw, judge, respond
+from softclose.evaluate.asked import told
 from softclose.population.lot import Lot
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
@@ -40,12 +40,10 @@ class EngineRun:
 
 def evaluate(problem: Problem, switches: Lot, wave: Wave, index: int, proposal: Proposal) -> Observation:
     """Simulate and assess one proposal on the first of the switches; without store or cluster."""
-    a = apply(
-        problem.config,
-        switches.rows(slice(proposal.n_switches)),
-        proposal.waveform,
-        max_volts=problem.config.waveform.max_volts,
-    )
+    config = problem.config
+    lot = switches.rows(slice(proposal.n_switches))
+    response = respond(config, lot, proposal.waveform, max_volts=config.waveform.max_volts)
+    a = judge(config, response)
     return Observation(
         index=index,
         wave=wave.index,
@@ -62,6 +60,7 @@ def evaluate(problem: Problem, switches: Lot, wave: Wave, index: int, proposal: 
         failed=False,
         closing_us=a.closing_us,
         beliefs=proposal.surrogate,
+        quantities={name: value.estimate for name, value in told(config, response, a).items()},
     )
 
 

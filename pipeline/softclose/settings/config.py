@@ -27,7 +27,7 @@ from softclose.conditions.trim import TrimSection
 from softclose.device.cost import PLAIN_S, fewest_rows, seconds_a_trajectory
 from softclose.device.options import options_of
 from softclose.naming import nearest
-from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, ModelError
+from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, ModelError, load_object
 from softclose.population import Population, load_population
 from softclose.settings.campaign import CampaignSection, PopulationSection, extension_size
 from softclose.settings.errors import ConfigError
@@ -137,10 +137,10 @@ class CampaignConfig:
             )
         self._check_prior()
         objectives = self.optimiser.objectives
-        if not 2 <= len(objectives) == len({*objectives}):
+        if not 2 <= len(objectives) == len({*objectives}) <= 4:
             raise ValueError(
-                f"optimiser.objectives is {list(objectives)!r}; it must be two to four different ones of v_u, p_nc, "
-                "closing and peak"
+                f"optimiser.objectives is {list(objectives)!r}; it must be two to four different quantities, such as "
+                "v_u, p_nc, closing and peak"
             )
         self._check_extensions()
         self._choose_blocks()
@@ -267,13 +267,15 @@ class CampaignConfig:
             n += extension_size(what)
 
     def check_plugins(self) -> None:
-        """Raise EngineError or ModelError where this machine lacks the engine or the device model.
+        """Raise EngineError, ModelError or QuantityError where this machine lacks the engine, the device model or a
+        quantity.
 
         Apart from reading a configuration: what a store holds can be read anywhere, only proposing and simulating
         need the plug-ins.
         """
         ENGINES.check(self.optimiser.engine)
         self.check_models()
+        load_object("softclose.evaluate.asked:asked")(self)  # by name: the evaluation is above the settings
 
     def check_models(self) -> None:
         """Raise ModelError where this machine lacks the device model, or that of the prior."""

@@ -54,6 +54,16 @@ class ObjectiveSection:
     """What an undefined v_u counts as in g [cm/s]. Scales with the lot, from 60."""
     confidence: Probability = 0.95
     """Confidence of every interval."""
+    weights: dict[str, Annotated[float, Field(ge=-1e9, le=1e9)]] = Field(default_factory=dict)
+    """Quantities that g weighs beside the speed and p_nc: name = what one unit of it adds to g [cm/s]; negative where
+    more is better. `softclose.quantity` says which there are."""
+    quantity_limits: dict[str, Annotated[float, Field(ge=-1e12, le=1e12)]] = Field(default_factory=dict)
+    """Quantities that are limited: name = the most of it in its unit, the least where more is better. The
+    level-quantile of the switches counts, and its interval decides whether a candidate is feasible."""
+    limit_penalty_cm_s: Annotated[float, Field(gt=0, le=MAX_CM_S)] = 200.0
+    """What passing a limit by its own size adds to g [cm/s]."""
+    lines: tuple[str, ...] = ()
+    """Further quantities that every record, certificate and report tells."""
 
     def is_left_out(self, name: str) -> bool:
         """Whether a speed is one that the user does not give: no number that is given is NaN."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from softclose.plugins import EngineError, ModelError
+from softclose.plugins import EngineError, ModelError, QuantityError
 from softclose.presets import FOLDER, PresetError, find_preset
 from softclose.settings.config import CampaignConfig, validated
 from softclose.settings.errors import ConfigError
@@ -63,7 +63,7 @@ def load_config(source: str | Path | Mapping[str, Any], overrides: Iterable[str]
     try:
         config.check_plugins()
         config = config.with_options()
-    except (EngineError, ModelError) as e:
+    except (EngineError, ModelError, QuantityError) as e:
         raise ConfigError(str(e)) from e
     return config
 

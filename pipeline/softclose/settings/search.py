@@ -16,9 +16,6 @@ from softclose.allowed.types import (
     SwitchCount,
 )
 
-FrontObjective = Literal["v_u", "p_nc", "closing", "peak"]
-"""What a front may weigh: upper velocity, switches not closed, closing time of the lot, largest voltage."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=SETTINGS)
 class OptimiserSection:
@@ -27,8 +24,9 @@ class OptimiserSection:
     engine: Annotated[str, Field(min_length=1)] = "skopt"
     """skopt, sobol, paper, direct, cmaes, botorch, parego and nsga2 (a front of `objectives`), or an installed entry
     point of group softclose.engines."""
-    objectives: tuple[FrontObjective, ...] = ("v_u", "p_nc")
-    """parego, nsga2: what they weigh against each other, two to four of v_u, p_nc, closing (time) and peak (volts)."""
+    objectives: tuple[str, ...] = ("v_u", "p_nc")
+    """parego, nsga2: what they weigh against each other, two to four quantities: v_u, p_nc, closing (time), peak
+    (volts), or any other that `softclose.quantity` knows."""
     n_initial: Annotated[int, Field(ge=2, le=MOST_IN_A_WAVE, strict=True)] = 20
     """Space-filling candidates before the surrogate proposes, one wave; `waveform.initial` takes the first places."""
     batch: Annotated[int, Field(ge=1, le=MOST_IN_A_WAVE, strict=True)] = 4

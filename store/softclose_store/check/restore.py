@@ -93,7 +93,7 @@ class RepairStore(DriverStore):
 
     def restore_record(self, i: int, row: Mapping[str, Any], wave: int) -> tuple[int, bool]:
         """Set the record of candidate i in memory only, for a repair; returns the same of it."""
-        check_names(row, ASSESSED)
+        check_names(row, ASSESSED | {field.name for field in self.layout.results})
         at = self.layout.n_proposal_fields
         before = self._table.records[i, at:].tobytes(), str(self._table.words[i, FAILURE])
         found = set_result(self._table, i, row, wave, self.candidate_markers(i))

@@ -92,6 +92,8 @@ class StoredResponses:
     """(n_switches, max_impacts) [µs], NaN beyond the last; None where none are kept."""
     impact_speed: LazyRows | None
     """(n_switches, max_impacts) [µm/µs]."""
+    asked: FloatArray | None = None
+    """(n_switches, n_asked) further quantities, in the order of `layout.asked`; None where there are none."""
 
 
 class Campaign:
@@ -335,7 +337,7 @@ class Campaign:
         """
         self._check(i)
         response = self._rows("response", i)[...]
-        columns = {field.name: response[:, k].copy() for k, field in enumerate(QUANTITIES)}
+        columns = {field.name: response[:, k].copy() for k, field in enumerate(self.layout.quantities)}
         counts = {name: np.where(np.isnan(columns[name]), -1.0, columns[name]) for name in ("n_impacts", "status")}
         has_impacts = bool(self.layout.max_impacts)
         return StoredResponses(
@@ -349,6 +351,7 @@ class Campaign:
             status=counts["status"].astype(np.int8),
             impact_time_us=self._rows("impact", i, 0) if has_impacts else None,
             impact_speed=self._rows("impact", i, 1) if has_impacts else None,
+            asked=response[:, len(QUANTITIES) :].copy() if self.layout.asked else None,
         )
 
     def population(self) -> dict[str, FloatArray]:

@@ -19,7 +19,6 @@ from softclose_store.schema.fields import (
     DIGESTS,
     N_SURROGATE,
     PARAMETERS,
-    RESULTS,
     SURROGATE_PREFIX,
     WALL,
     WORDS,
@@ -234,7 +233,7 @@ class Table:
             "wave": _typed("int", records[:, layout.n_proposal_fields]),
         }
         at = layout.n_proposal_fields + 1
-        for field in RESULTS:
+        for field in layout.results:
             width = len(layout.limits_cm_s) if field.per_limit else 1
             values = _typed(field.type, records[:, at : at + width])
             columns[field.name] = values if field.per_limit else values[:, 0].copy()

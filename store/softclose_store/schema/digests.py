@@ -102,6 +102,7 @@ def assessed_digest(
     closed: ArrayLike,
     status: ArrayLike,
     settling: ArrayLike,
+    asked: ArrayLike | None = None,
 ) -> int:
     """Digest of what an assessment takes of a block.
 
@@ -117,6 +118,8 @@ def assessed_digest(
         Digest of its proposals.
     max_contact_speed, closed, status, settling : (candidates, switches) array-like
         Of the switches that were simulated.
+    asked : (candidates, switches, n_asked) array-like, optional
+        Further quantities of each, where the campaign asks for any.
     """
 
     def of_floats(values: ArrayLike) -> bytes:
@@ -129,6 +132,8 @@ def assessed_digest(
         np.asarray(status, dtype="i1").tobytes(),
         of_floats(settling),
     ]
+    if asked is not None and np.shape(asked)[-1]:
+        parts.append(of_floats(asked))
     return keyed_digest(f"assessed|{stage}|{i_block}|{j_block}|{proposals}|{np.shape(closed)}", parts)
 
 

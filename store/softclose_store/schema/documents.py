@@ -71,6 +71,7 @@ class LayoutDocument(Document):
     limits_cm_s: Annotated[list[float], Field(max_length=1_000)]
     columns: Annotated[list[Column], Field(min_length=1, max_length=MOST_COLUMNS)]
     designs: Annotated[list[Column], Field(max_length=MOST_COLUMNS)]
+    asked: Annotated[list[Column], Field(max_length=MOST_COLUMNS)]
     cases: Annotated[list[Case], Field(max_length=MOST_COLUMNS)]
     n_modes: Annotated[int, Field(ge=1, le=1_000)]
     table_chunk: Annotated[int, Field(ge=1, le=MOST_TABLE_CHUNK)] | None = None

@@ -208,12 +208,28 @@ def unit_in(name: str) -> str:
     return next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "1")
 
 
+def asked_fields(asked: Sequence[PopulationColumn]) -> tuple[Field, ...]:
+    """What a record says of each further quantity: its value, and both ends of its interval."""
+    return tuple(
+        Field(name=f"{q.name}{end}", unit=q.unit, long_name=f"{meaning}{q.long_name}")
+        for q in asked
+        for end, meaning in (
+            ("", "of the lot: "),
+            ("_lower", "lower end of the interval of the "),
+            ("_upper", "upper end of the interval of the "),
+        )
+    )
+
+
 def number_fields(
-    n_pulses: int, limits_cm_s: Sequence[float], designs: Sequence[PopulationColumn] = ()
+    n_pulses: int,
+    limits_cm_s: Sequence[float],
+    designs: Sequence[PopulationColumn] = (),
+    asked: Sequence[PopulationColumn] = (),
 ) -> tuple[Field, ...]:
     """Columns of the table of records, in order: the proposal's first, one for each pulse parameter and each limit.
 
-    designs: nominal values that the search may change.
+    designs: nominal values that the search may change; asked: further quantities of switches and drives.
     """
     pulses = [
         Field(
@@ -226,7 +242,7 @@ def number_fields(
         replace(field, name=f"{field.name}_{text}", long_name=f"{field.long_name}, limit {text} cm/s", per_limit=False)
         if field.per_limit
         else field
-        for field in RESULTS
+        for field in (*RESULTS, *asked_fields(asked))
         for text in (limit_texts(limits_cm_s) if field.per_limit else [""])
     ]
     nominal = [

@@ -24,7 +24,6 @@ from softclose_store.schema.fields import (
     DIGESTS,
     IMPACT_QUANTITIES,
     N_SURROGATE,
-    QUANTITIES,
     SCHEMA_VERSION,
     WALL,
     WORDS,
@@ -183,8 +182,8 @@ def _stage_statics(layout: Layout, stage: StageLayout, is_filled: bool) -> dict[
     arrays = {
         "candidate": _count("candidate", layout.first(stage.name), stage.n_candidates, is_filled),
         "switch": _count("switch", 0, stage.n_switches, is_filled),
-        "quantity": _names("quantity", QUANTITIES, "columns of response"),
-        "quantity_unit": _texts("quantity", [q.unit for q in QUANTITIES], "units of the columns of response"),
+        "quantity": _names("quantity", layout.quantities, "columns of response"),
+        "quantity_unit": _texts("quantity", [q.unit for q in layout.quantities], "units of the columns of response"),
         "marker": _texts("marker", layout.marker_names, "what a block's digest is of"),
     }
     if layout.max_impacts:
@@ -457,7 +456,7 @@ def _stage_options(layout: Layout, stage: StageLayout, spec: ArraySpec) -> dict[
         compressors, fill = [Crc32cCodec()], 0.0
     else:
         rest, _ = layout.block_arrays[spec.name]
-        row = 8 * len(QUANTITIES)
+        row = 8 * len(layout.quantities)
         shape = (stage.n_candidates, stage.n_switches, *rest)
         shards = (stage.block_candidates, stage.block_switches, *rest)
         chunks = (*stage.inner, *rest)

@@ -18,10 +18,12 @@ from softclose_store.schema.fields import (
     PLATE,
     PROPOSALS,
     QUANTITIES,
+    RESULTS,
     SCHEMA_VERSION,
     CaseColumn,
     Field,
     PopulationColumn,
+    asked_fields,
     number_fields,
 )
 
@@ -39,6 +41,7 @@ TABLE_CHUNK = 128
 """Most candidates in one chunk of a table: few files, and a commit rewrites only the last of each."""
 
 _STAGE_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
+_TAKEN = tuple(field.name for field in (*RESULTS, *QUANTITIES))
 _COLUMN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 CANDIDATES, POPULATION, RUNTIME = "candidates", "population", "runtime"
 """Groups beside the stages: the tables, a row a candidate; the ensemble; who ran the campaign. xarray's trees want
@@ -168,6 +171,8 @@ class Layout:
     """Columns of the population."""
     designs: tuple[PopulationColumn, ...] = ()
     """Nominal values that a candidate may have of its own."""
+    asked: tuple[PopulationColumn, ...] = ()
+    """Further quantities that are kept of every switch, and told of every candidate."""
     cases: tuple[CaseColumn, ...] = ()
     """What tells the cases apart in which each switch is simulated, one value a case; none: there is one case."""
     n_modes: int = 1
@@ -193,6 +198,7 @@ class Layout:
         object.__setattr__(self, "limits_cm_s", limits)
         _check_names("the population", [column.name for column in self.columns], least=1)
         _check_names("the design of a candidate", [column.name for column in self.designs])
+        _check_names("what is asked of a switch", [column.name for column in self.asked], taken=_TAKEN)
         _check_names("a case", [column.name for column in self.cases], taken=STAGE_NAMES)
         if len({len(column.values) for column in self.cases}) > 1 or any(not c.values for c in self.cases):
             raise LayoutError(f"the cases are {self.cases}; each column has one value a case, as many as the others")
@@ -290,7 +296,17 @@ class Layout:
     @property
     def fields(self) -> tuple[Field, ...]:
         """Columns of the table of records."""
-        return number_fields(self.n_pulses, self.limits_cm_s, self.designs)
+        return number_fields(self.n_pulses, self.limits_cm_s, self.designs, self.asked)
+
+    @property
+    def results(self) -> tuple[Field, ...]:
+        """What an assessment says of a candidate."""
+        return (*RESULTS, *asked_fields(self.asked))
+
+    @property
+    def quantities(self) -> tuple[Field, ...]:
+        """Columns of `response`."""
+        return (*QUANTITIES, *(Field(name=q.name, unit=q.unit, long_name=q.long_name) for q in self.asked))
 
     @property
     def n_proposal_fields(self) -> int:
@@ -318,7 +334,7 @@ class Layout:
         Those without prefix hold what counts of a switch, in every campaign alike; where there are several cases, its
         twin with `CASE_PREFIX` holds the same of each.
         """
-        arrays: dict[str, tuple[tuple[int, ...], str]] = {"response": ((len(QUANTITIES),), "f8")}
+        arrays: dict[str, tuple[tuple[int, ...], str]] = {"response": ((len(self.quantities),), "f8")}
         if self.max_impacts:
             arrays["impact"] = ((self.max_impacts, len(IMPACT_QUANTITIES)), "f8")
         if self.times_us.size:
@@ -344,6 +360,7 @@ class Layout:
             "limits_cm_s": list(self.limits_cm_s),
             "columns": [[c.name, c.unit, c.long_name] for c in self.columns],
             "designs": [[c.name, c.unit, c.long_name] for c in self.designs],
+            "asked": [[c.name, c.unit, c.long_name] for c in self.asked],
             "cases": [[c.name, c.unit, c.long_name, list(c.values)] for c in self.cases],
             "n_modes": self.n_modes,
         }
@@ -367,6 +384,7 @@ class Layout:
             times_us=times_us,
             columns=tuple(PopulationColumn(*column) for column in data["columns"]),
             designs=tuple(PopulationColumn(*column) for column in data["designs"]),
+            asked=tuple(PopulationColumn(*column) for column in data["asked"]),
             cases=tuple(CaseColumn(name, unit, meaning, tuple(v)) for name, unit, meaning, v in data["cases"]),
             table_chunk=data.get("table_chunk", 0),
             **{name: data[name] for name in kept},

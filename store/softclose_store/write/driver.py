@@ -220,7 +220,8 @@ class DriverStore:
         Returns
         -------
         dict
-            max_contact_speed, closed, status, settling, (candidates, switches) each.
+            max_contact_speed, closed, status, settling, (candidates, switches) each; asked, (…, n_asked), where the
+            campaign asks for further quantities.
         """
         columns = self.layout.stage(stage).switches(j_block)
         used = columns.stop - columns.start if n_switches is None else min(n_switches, columns.stop) - columns.start
@@ -231,8 +232,9 @@ class DriverStore:
                 f"block ({i_block}, {j_block}) of stage {stage} in {self.path} cannot be read ({e}): "
                 f"run `softclose verify {self.path} --repair`"
             ) from e
-        speed, closed, status, settling = assessed_of(response)
-        return {"max_contact_speed": speed, "closed": closed, "status": status, "settling": settling}
+        speed, closed, status, settling, asked = assessed_of(response)
+        found = {"max_contact_speed": speed, "closed": closed, "status": status, "settling": settling}
+        return found | ({"asked": asked} if self.layout.asked else {})
 
     def commit(self, rows: Sequence[Mapping[str, Any]], markers: Mapping[Block, NDArray[np.uint64]]) -> None:
         """Write the records of the next wave, then make it part of the campaign: the root's replacement is the commit.
@@ -283,7 +285,7 @@ class DriverStore:
         if not rows:
             raise RecordError("a wave has at least one candidate")
         for row in rows:
-            check_names(row, PROPOSED | ASSESSED | TIMED)
+            check_names(row, PROPOSED | ASSESSED | TIMED | {field.name for field in self.layout.results})
             check_waveform(self.layout, row)
         sizes = {n_switches_of(row) for row in rows}
         if len(sizes) > 1:

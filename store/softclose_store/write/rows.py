@@ -113,7 +113,7 @@ def set_result(table: Table, i: int, row: Mapping[str, Any], wave: int, markers:
     record[at] = wave
     at += 1
     n_limits = len(layout.limits_cm_s)
-    for field in RESULTS:
+    for field in layout.results:
         width = n_limits if field.per_limit else 1
         value = row.get(field.name)
         if value is not None:

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.conditions.streams import Ensemble
+from softclose.evaluate.asked import asked
+from softclose.evaluate.quantities import quantity
 from softclose.metrics.objective import Judged
 from softclose.population.lot import COLUMNS, Lot
 from softclose.settings import CampaignConfig
@@ -29,7 +31,7 @@ from softclose_store import (
     read_group,
     write_group,
 )
-from softclose_store.schema.fields import RESULTS
+from softclose_store.schema.fields import RESULTS, PopulationColumn, asked_fields
 from softclose_workflows.analyses.certification import (
     Certification,
     CertifyError,
@@ -44,8 +46,8 @@ GROUP = "certification"
 """Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
 
 
-_FIELDS = {field.name: field for field in RESULTS}
-
+ASKED = "switch_"
+"""What arrays of further quantities of each fresh switch begin with; those without it are of the lot."""
 _NAME = re.compile(rf"{GROUP}/(\d+)-(\d+)")
 
 
@@ -100,6 +102,7 @@ def _certification(campaign: Campaign, group: ResultGroup) -> Certification:
     config = CampaignConfig.from_dict(campaign.config)
     a = group.arrays
     names = [str(name) for name in a["design"]]
+    further = [q.name for q in asked(config)]
     waveforms = {name: records.unpadded(rows) for name, rows in zip(names, a["waveform"], strict=True)}
     responses = {
         name: Judged(
@@ -107,6 +110,7 @@ def _certification(campaign: Campaign, group: ResultGroup) -> Certification:
             closed=a["closed"][i],
             status=a["status"][i],
             settling_us=a["settling"][i] if "settling" in a else None,  # version 0.1 kept none
+            asked=np.stack([a[f"{ASKED}{name}"][i] for name in further], axis=-1) if further else None,
         )
         for i, name in enumerate(names)
     }
@@ -183,11 +187,16 @@ def write_certificate(path: str, result: Certification, lot: Lot | None) -> None
             values=np.array([0 if d.training is None else d.training.n_switches for d in designs]),
         ),
     }
-    assessed = [records.assessment_record(d.assessment) for d in designs]
+    for k, q in enumerate(asked(CampaignConfig.from_dict(open_campaign(path).config))):
+        columns = [d.response.asked[:, k] for d in designs if d.response.asked is not None]
+        arrays[f"{ASKED}{q.name}"] = per_switch(columns, q.unit, q.long_name)
+    assessed = [records.assessment_record(d.assessment, d.values) for d in designs]
+    wanted = [PopulationColumn(n, quantity(n).unit, quantity(n).long_name) for n in designs[0].values]
+    fields = {field.name: field for field in (*RESULTS, *asked_fields(wanted))}
     for name, first in assessed[0].items():
         if name not in ("failed", "failure"):
             dims = ("design", "limit") if isinstance(first, np.ndarray) else ("design",)
-            field = _FIELDS[name]
+            field = fields[name]
             values = np.array([record[name] for record in assessed])
             arrays[name] = GroupArray(dims=dims, values=values, unit=field.unit, long_name=field.long_name)
     limits = [e.limit_cm_s for e in result.best.assessment.p_exceed]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from softclose.evaluate import judge
+from softclose.evaluate.asked import told
+from softclose.evaluate.quantities import Value
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.opening import Openings
@@ -49,6 +51,8 @@ class Certified:
     """Eqs. 7-11 on them."""
     training: Training | None
     """The campaign's own scores; None for a reference design."""
+    values: Mapping[str, Value] = field(default_factory=dict)
+    """Further quantities that the campaign asks for."""
 
     @property
     def optimism_cm_s(self) -> float:
@@ -153,13 +157,15 @@ def assemble(
                 p_nc=float(table["p_nc"][i]),
                 n_switches=int(table["n_switches"][i]),
             )
+        assessment = assess_fresh(responses[name], config)
         certified = Certified(
             name=name,
             candidate=i,
             waveform=waveform,
             response=responses[name],
-            assessment=assess_fresh(responses[name], config),
+            assessment=assessment,
             training=training,
+            values=told(config, responses[name], assessment, fresh=True),
         )
         (references if i is None else candidates).append(certified)
     # Ties stay in the order of the campaign, so that the order depends on nothing but the candidates.

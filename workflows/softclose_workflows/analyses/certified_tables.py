@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from softclose.evaluate.quantities import Value, quantity
 from softclose.metrics.intervals import Interval, Proportion
 from softclose_workflows.analyses.hold import Hold, hold_lines
 from softclose_workflows.analyses.opening import openings_to_json, print_openings
@@ -47,6 +48,8 @@ def print_certification(result: Certification, holds: Sequence[Hold] = ()) -> No
     a = best.assessment
     fastest = f"{100.0 * (1.0 - a.level):g} %"
     console.print(f"  mean V of the fastest {fastest} (CVaR): {with_interval(a.cvar_cm_s, *a.cvar_interval)} cm/s")
+    for name, value in best.values.items():
+        console.print(f"  {quantity_line(name, value)}")
     if best.training is not None:
         console.print(
             f"  certified g is {abs(best.optimism_cm_s):.2f} cm/s {'above' if best.optimism_cm_s > 0 else 'below'} the "
@@ -65,6 +68,12 @@ def print_certification(result: Certification, holds: Sequence[Hold] = ()) -> No
     if result.openings is not None:
         o = result.openings
         print_openings(f"{best.name}, let go at {o.at_us:g} µs, on the same switches", o, best.assessment.level)
+
+
+def quantity_line(name: str, value: Value) -> str:
+    """`kinetic energy of the hardest impact: 0.123 (0.120–0.126) nJ`."""
+    q = quantity(name)
+    return f"{q.long_name}: {with_interval(value.estimate, *value.interval, 4)} {q.unit.removeprefix('1')}".rstrip()
 
 
 def print_race(race: Race) -> None:
@@ -134,6 +143,10 @@ def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> 
                 "n_switches": d.training.n_switches,
             },
             "optimism_cm_s": d.optimism_cm_s,
+            "quantities": {
+                name: {"estimate": value.estimate, "interval": list(value.interval), "unit": quantity(name).unit}
+                for name, value in d.values.items()
+            },
             **d.assessment.to_dict(),
         }
 

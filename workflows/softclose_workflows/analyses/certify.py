@@ -15,6 +15,7 @@ import numpy as np
 
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
+from softclose.evaluate.asked import asked
 from softclose.evaluate.pieces import Mapper, Sent, here, light, rows_of_pieces
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
@@ -216,6 +217,7 @@ def simulate_fresh(
     closed = np.empty(v.shape, dtype=np.bool_)
     status = np.empty(v.shape, dtype=np.int8)
     settling = np.empty(v.shape)
+    further = np.empty((*v.shape, len(asked(config))))
     sent, drives, whole = Sent(config), tuple(waveforms), frozenset(for_everybody)
     cut = rows_of_pieces(config, n_switches, n_waveforms=len(waveforms)) if waveforms else []
     answers = mapper(
@@ -227,10 +229,18 @@ def simulate_fresh(
         for i, response in enumerate(found):
             v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
             status[i, rows], settling[i, rows] = response.status, response.settling_us
+            if response.asked is not None:
+                further[i, rows] = response.asked
         if listener is not None:
             listener(own.stop * len(waveforms), v.size)
     return [
-        Judged(max_contact_speed=v[i], closed=closed[i], status=status[i], settling_us=settling[i])
+        Judged(
+            max_contact_speed=v[i],
+            closed=closed[i],
+            status=status[i],
+            settling_us=settling[i],
+            asked=further[i] if further.shape[-1] else None,
+        )
         for i in range(len(waveforms))
     ]
 

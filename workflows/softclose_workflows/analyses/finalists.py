@@ -67,6 +67,11 @@ def certify_within(
             listener(track.n_done, len(chosen) * n_switches)
         return track.respond(i, n)
 
+    if config.objective.weights or config.objective.quantity_limits:
+        raise CertifyError(
+            "a race compares v_u and p_nc switch by switch, and this campaign's g weighs further quantities "
+            "(objective.weights, objective.quantity_limits): certify without --within"
+        )
     objective = objective_settings(config) | {"sampling": "monte-carlo"}
     result = race(len(chosen), rounds, respond, tolerance_cm_s=tolerance_cm_s, **objective)
     last = result.laps[-1].n_switches

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.evaluate import judge
+from softclose.evaluate.asked import told
 from softclose.metrics.objective import Judged
 from softclose.opening import OpeningError
 from softclose.plugins import MEASURED
@@ -25,6 +26,7 @@ from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
 from softclose_workflows.run.creation import population_columns
+from softclose_workflows.run.flight import joined_asked
 from softclose_workflows.run.opening import candidate_of, designed_opening
 from softclose_workflows.run.prior import GROUP, PriorOfStore, basins_again
 from softclose_workflows.run.tasks import compute_block, rows_of, times_us
@@ -180,8 +182,10 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
         closed=np.concatenate([part["closed"][at] for part in parts]).astype(np.bool_),
         status=np.concatenate([part["status"][at] for part in parts]),
         settling_us=np.concatenate([part["settling"][at] for part in parts]),
+        asked=joined_asked([part["asked"][at] for part in parts if "asked" in part]),
     )
-    return records.assessment_record(judge(config, response))
+    found = judge(config, response)
+    return records.assessment_record(found, told(config, response, found))
 
 
 def _group(path: str, name: str) -> str:

@@ -42,6 +42,8 @@ class Events(Protocol):
     def impact_time_us(self) -> Any: ...
     @property
     def impact_speed(self) -> Any: ...
+    @property
+    def asked(self) -> FloatArray | None: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +90,7 @@ def judged(response: Events, score: Score) -> Judged:
         closed=np.asarray(response.closed, dtype=np.bool_),
         status=np.asarray(response.status),
         settling_us=np.asarray(response.settling_us),
+        asked=response.asked,
     )
 
 

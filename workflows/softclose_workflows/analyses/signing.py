@@ -12,8 +12,9 @@ from typing import Any, Literal, cast
 
 from softclose import __version__
 from softclose.device.simulate import Responses
-from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, QuantityError, Value, quantity
+from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, Value, quantity
 from softclose.naming import did_you_mean
+from softclose.plugins import QuantityError
 from softclose.settings import CampaignConfig
 from softclose.tables import finite_number
 from softclose.waveform import Waveform

@@ -219,7 +219,7 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             rank_cm_s=rank_cm_s(g, p_nc, self._problem.config.objective.max_open),
             failed=not math.isfinite(g),
             beliefs=proposal.surrogate,
-            **{name: numbers[name] for name in MORE},
+            **{name: float(numbers[name]) for name in MORE},  # type: ignore[arg-type]
         )
 
     def _point(self, waveform: Waveform) -> dict[str, Any]:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from softclose.opening import Openings
-    from softclose.settings.search import FrontObjective
     from softclose_workflows.report.live import Server
 
 
@@ -128,7 +127,7 @@ def export(
     return text
 
 
-def pareto(store: Store, objectives: Sequence[FrontObjective] = ()) -> Result[dict[str, Any]]:
+def pareto(store: Store, objectives: Sequence[str] = ()) -> Result[dict[str, Any]]:
     """List the candidates that no other beats in all objectives at once, as `softclose pareto`; `plot()` draws them.
 
     Parameters

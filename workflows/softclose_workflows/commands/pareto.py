@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import click
 
-_NAMES = ("v_u", "p_nc", "closing", "peak")
-
 
 @click.command(
     epilog="\b\nExamples:\n  softclose pareto runs/a.zarr\n"
@@ -16,9 +14,9 @@ _NAMES = ("v_u", "p_nc", "closing", "peak")
     "--objective",
     "objectives",
     multiple=True,
-    type=click.Choice(_NAMES),
-    help="What is weighed, repeatable [the campaign's optimiser.objectives]: upper velocity, switches not closed, "
-    "closing time of the lot, largest voltage.",
+    metavar="QUANTITY",
+    help="What is weighed, repeatable [the campaign's optimiser.objectives]: v_u, p_nc, closing, peak, or a further "
+    "quantity that the campaign keeps (objective.lines).",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 def pareto(store: str, objectives: tuple[str, ...], as_json: bool) -> None:
@@ -26,13 +24,10 @@ def pareto(store: str, objectives: tuple[str, ...], as_json: bool) -> None:
 
     Of those evaluated on the most switches only: scores on fewer switches are more optimistic, and do not compare.
     """
-    from typing import cast
-
-    from softclose.settings.search import FrontObjective
     from softclose_workflows.analyses.front import front_to_json, print_front
     from softclose_workflows.tell.plain import json_text
 
-    chosen = cast("tuple[FrontObjective, ...]", tuple(dict.fromkeys(objectives)))
+    chosen = tuple(dict.fromkeys(objectives))
     if as_json:
         click.echo(json_text(front_to_json(store, chosen)))
     else:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.settings.search import FrontObjective
+from softclose.evaluate.quantities import quantity
+from softclose.propose.objectives import sign_of
 from softclose.waveform import FloatArray
 from softclose_workflows.analyses.front import Front
 from softclose_workflows.report.charts import Chart, axis, layout, numbers
@@ -18,6 +19,14 @@ TITLES = {
     "peak": "Peak voltage (V)",
 }
 """What an axis says of an objective."""
+
+
+def title(objective: str) -> str:
+    """What an axis says of an objective."""
+    q = quantity(objective)
+    return TITLES.get(objective, f"{q.long_name[:1].upper()}{q.long_name[1:]} ({q.unit})")
+
+
 _ENDS = {
     "v_u": ("v_u_lower_cm_s", "v_u_upper_cm_s"),
     "p_nc": ("p_nc_wilson_lower", "p_nc_wilson_upper"),
@@ -35,11 +44,11 @@ def front(found: Front, candidates: Candidates) -> Chart:
     colour: Chart = {"color": "@best"}
     if third is not None:
         colour = {
-            "color": numbers(found.values[on, 2]),
+            "color": numbers(_shown(found, on, third)),
             "colorscale": "Viridis",
-            "colorbar": {"title": {"text": TITLES[third], "side": "right"}, "thickness": 12},
+            "colorbar": {"title": {"text": title(third), "side": "right"}, "thickness": 12},
         }
-    told = "<br>".join(f"{TITLES[name]}: %{{customdata[{k}]}}" for k, name in enumerate(found.objectives, 1))
+    told = "<br>".join(f"{title(name)}: %{{customdata[{k}]}}" for k, name in enumerate(found.objectives, 1))
     traces: list[Chart] = [
         {
             "name": "other candidates",
@@ -69,13 +78,13 @@ def front(found: Front, candidates: Candidates) -> Chart:
     return {
         "data": traces,
         "layout": layout(
-            axis(TITLES[x], range=spans[x]),
-            axis(TITLES[y], range=spans[y]),
+            axis(title(x), range=spans[x]),
+            axis(title(y), range=spans[y]),
             showlegend=True,
             height=420,
             clickmode="event",
         ),
-        "alt": f"{on.size} candidates that no other beats, {TITLES[y]} over {TITLES[x]}.",
+        "alt": f"{on.size} candidates that no other beats, {title(y)} over {title(x)}.",
     }
 
 
@@ -105,18 +114,19 @@ def growth(found: Front) -> Chart:
     }
 
 
-def _shown(found: Front, which: NDArray[np.intp], name: FrontObjective) -> FloatArray:
+def _shown(found: Front, which: NDArray[np.intp], name: str) -> FloatArray:
     """One objective of some candidates, as an axis has it."""
     values = found.values[which, found.objectives.index(name)]
-    return np.asarray(values * (100.0 if name == "p_nc" else 1.0))
+    return np.asarray(values * (100.0 if name == "p_nc" else sign_of(name)))
 
 
-def _bars(found: Front, candidates: Candidates, on: NDArray[np.intp], which: str, name: FrontObjective) -> Chart:
+def _bars(found: Front, candidates: Candidates, on: NDArray[np.intp], which: str, name: str) -> Chart:
     """Intervals of the front's candidates; {} where the objective has none, or none holds."""
-    if name not in _ENDS:
+    ends = _ENDS.get(name, (f"{name}_lower", f"{name}_upper"))
+    if ends[0] not in candidates.columns:
         return {}
     factor = 100.0 if name == "p_nc" else 1.0
-    low, high = (factor * candidates.columns[end][on] for end in _ENDS[name])
+    low, high = (factor * candidates.columns[end][on] for end in ends)
     if np.isnan(low).all():
         return {}
     middle = _shown(found, on, name)

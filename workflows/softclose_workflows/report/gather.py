@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from softclose.device.protocol import ModelError
 from softclose.evaluate import judge, respond
-from softclose.evaluate.chain import chain_of
-from softclose.evaluate.respond import drives_of
+from softclose.evaluate.chain import chain_of, drives_of
 from softclose.metrics.objective import CM_S
 from softclose.opening import Openings
 from softclose.population.lot import Lot

@@ -6,6 +6,8 @@ import math
 import time
 from typing import Any
 
+from softclose.evaluate.asked import asked
+from softclose.evaluate.quantities import quantity
 from softclose.opening import Opening
 from softclose.propose.origins import label_of
 from softclose_workflows.report.data import ReportData
@@ -44,7 +46,9 @@ def opening_rows(data: ReportData) -> list[dict[str, str]]:
 def front_words(data: ReportData) -> str:
     """`upper velocity and switches not closed`; empty without a front."""
     words = {"v_u": "upper velocity", "p_nc": "switches not closed", "closing": "closing time", "peak": "peak voltage"}
-    named = [words[name] for name in data.front.objectives] if data.front is not None else []
+    named = (
+        [words.get(name, quantity(name).long_name) for name in data.front.objectives] if data.front is not None else []
+    )
     return " and ".join([", ".join(named[:-1]), *named[-1:]]) if named else ""
 
 
@@ -78,6 +82,9 @@ def metrics(data: ReportData, i: int) -> list[list[str]]:
                 percent_interval(c[f"p_exceed_wilson_{name}_lower"], c[f"p_exceed_wilson_{name}_upper"], 2),
             ]
         )
+    for q in asked(data.config):
+        ends = interval(c[f"{q.name}_lower"], c[f"{q.name}_upper"])
+        rows.append([q.long_name, f"{number(c[q.name])} {q.unit.removeprefix('1')}".rstrip(), ends])
     return [*rows, ["switches", f"{int(data.candidates.n_switches[i]):,}", ""]]
 
 

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
+from softclose.evaluate.asked import asked
 from softclose.plugins import MEASURED, EngineError
 from softclose.propose.origins import FALLBACK
 from softclose.propose.plan import plan
@@ -107,6 +108,8 @@ class Driver:
     config: CampaignConfig = field(init=False)
     waves: tuple[Wave, ...] = field(init=False)
     _proposer: Proposer = field(init=False)
+    _asked: list[str] = field(init=False)
+    """Further quantities that candidates are asked for."""
     _history: list[Observation] = field(init=False, default_factory=list)
     _best: tuple[int, float, float] = field(init=False, default=(0, math.inf, math.inf))
     """Switches, rank and g of the best so far."""
@@ -122,6 +125,7 @@ class Driver:
         problem = Problem(self.config, help=self._prior())
         self.waves = plan(problem)
         self._proposer = Proposer(problem)
+        self._asked = [q.name for q in asked(self.config)]
         self._observe(records.observations(self.store.records()))
 
     def _prior(self) -> PriorHelp:
@@ -310,7 +314,7 @@ class Driver:
         self.spent.commit += time.perf_counter() - assessed
         del self._flights[w]  # committed, whatever follows: a bench goes on after it has been told why it stopped
         start = flight.wave.start
-        self._observe([records.observation(start + i, w, row) for i, row in enumerate(rows)])
+        self._observe([records.observation(start + i, w, row, self._asked) for i, row in enumerate(rows)])
         if len(self._history) >= min(MOST_FAILED, self.config.total_budget) and not math.isfinite(self._best[1]):
             reason = next((row["failure"] for row in rows if row.get("failure")), "no switch was assessed")
             raise Stopped(

@@ -6,6 +6,7 @@ import numpy as np
 
 from softclose import ALGORITHM
 from softclose.evaluate import combinations, draw
+from softclose.evaluate.asked import asked
 from softclose.evaluate.chain import chain_of, device_of
 from softclose.metrics.replicates import REPLICATES
 from softclose.plugins import MEASURED
@@ -92,6 +93,7 @@ def layout_of(config: CampaignConfig) -> Layout:
         limits_cm_s=config.objective.limits_cm_s,
         columns=column_names(config),
         cases=case_columns(config),
+        asked=tuple(PopulationColumn(q.name, q.unit, q.long_name) for q in asked(config)),
     )
 
 

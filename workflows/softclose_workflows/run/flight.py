@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from softclose.device.status import reasons
 from softclose.evaluate import judge
+from softclose.evaluate.asked import told
+from softclose.evaluate.quantities import Value
 from softclose.metrics.objective import MAX_FAILED, MISSING, Judged
 from softclose.propose.protocol import Proposal, Wave
 from softclose.settings import CampaignConfig
@@ -56,6 +58,7 @@ class Flight:
             result.closed,
             result.status,
             result.settling_us,
+            result.asked,
         )
         if found != int(result.marker[-1]):
             raise ValueError(f"the result of {task.name} is not what its worker stored: it was damaged on its way")
@@ -85,14 +88,27 @@ class Flight:
             closed=np.concatenate([result.closed[local] for result, local in parts]),
             status=np.concatenate([result.status[local] for result, local in parts]),
             settling_us=np.concatenate([result.settling_us[local] for result, local in parts]),
+            asked=joined_asked([result.asked[local] for result, local in parts if result.asked is not None]),
         )
         found = judge(config, response)
-        record = records.assessment_record(found)
+        values = told(config, response, found)
+        record = records.assessment_record(found, values)
         if math.isnan(found.g_cm_s):
-            seen = reasons(response.status[response.status != MISSING])
-            why = f"{seen}; above {100.0 * MAX_FAILED:g} % g is not defined"
-            record |= {"failed": True, "failure": why}
+            record |= {"failed": True, "failure": why_undefined(response, values)}
         return proposed | record | timings
+
+
+def joined_asked(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
+    """Further quantities of a candidate from its blocks; None where there are none."""
+    return np.concatenate(parts) if parts else None
+
+
+def why_undefined(response: Judged, values: Mapping[str, Value]) -> str:
+    """Why g is not defined."""
+    undefined = [name for name, value in values.items() if math.isnan(value.estimate)]
+    if undefined and (response.status == 0).mean() > 1.0 - MAX_FAILED:
+        return f"{', '.join(undefined)} is undefined on these switches, and g weighs or limits it"
+    return f"{reasons(response.status[response.status != MISSING])}; above {100.0 * MAX_FAILED:g} % g is not defined"
 
 
 def plan_tasks(
@@ -136,6 +152,7 @@ def recovered(stored: Mapping[str, NDArray[Any]], marker: NDArray[np.uint64]) ->
         status=status,
         settling_us=stored["settling"],
         marker=marker,
+        asked=stored.get("asked"),
         failures={},
         simulate_s=0.0,
         store_s=0.0,

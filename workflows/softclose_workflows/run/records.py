@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.evaluate.quantities import QUANTITIES, Value
 from softclose.metrics.objective import Assessment
 from softclose.propose.protocol import Observation, Proposal
 from softclose.waveform import Waveform
@@ -39,8 +40,11 @@ def proposal_record(proposal: Proposal) -> dict[str, Any]:
     }
 
 
-def assessment_record(a: Assessment) -> dict[str, Any]:
-    """What is stored of an assessment: every number with every interval."""
+def assessment_record(a: Assessment, values: Mapping[str, Value] | None = None) -> dict[str, Any]:
+    """What is stored of an assessment: every number with every interval.
+
+    values: further quantities that the campaign asks for.
+    """
     record: dict[str, Any] = {
         "failed": False,
         "failure": "",
@@ -76,6 +80,8 @@ def assessment_record(a: Assessment) -> dict[str, Any]:
         ends = [getattr(e.probability, kind) for e in a.p_exceed]
         record[f"p_exceed_{kind}_lower"] = np.array([lower for lower, _ in ends])
         record[f"p_exceed_{kind}_upper"] = np.array([upper for _, upper in ends])
+    for name, value in (values or {}).items():
+        record |= {name: value.estimate, f"{name}_lower": value.interval[0], f"{name}_upper": value.interval[1]}
     return record
 
 
@@ -84,8 +90,8 @@ def failed_record(reason: str) -> dict[str, Any]:
     return {"failed": True, "failure": reason}
 
 
-def observation(index: int, wave: int, record: Mapping[str, Any]) -> Observation:
-    """One committed candidate as engines see it."""
+def observation(index: int, wave: int, record: Mapping[str, Any], asked: Sequence[str] = ()) -> Observation:
+    """One committed candidate as engines see it; asked: further quantities that they may look at."""
     return Observation(
         index=index,
         wave=wave,
@@ -94,6 +100,7 @@ def observation(index: int, wave: int, record: Mapping[str, Any]) -> Observation
         n_switches=int(record["n_switches"]),
         failed=bool(record["failed"]),
         beliefs={name: float(v) for name, v in record.get("surrogate", {}).items() if not math.isnan(v)},
+        quantities={name: float(record.get(name, math.nan)) for name in asked},
         **{name: float(record.get(name, math.nan)) for name in OBSERVED},
     )
 
@@ -103,7 +110,8 @@ OBSERVED = ("g_cm_s", "g_se_cm_s", "rank_cm_s", "v_u_cm_s", "mean_cm_s", "p_nc",
 
 def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:
     """The whole history from the store's committed records."""
-    names = ("wave", "waveform", "origin", "n_switches", "failed", *OBSERVED)
+    asked = [name for name in QUANTITIES if name in records]
+    names = ("wave", "waveform", "origin", "n_switches", "failed", *OBSERVED, *asked)
     columns = {name: records[name] for name in names}
     said = {
         name.removeprefix(SURROGATE_PREFIX): column
@@ -111,7 +119,7 @@ def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:
         if name.startswith(SURROGATE_PREFIX)
     }
     return [
-        observation(i, int(row["wave"]), row)
+        observation(i, int(row["wave"]), row, asked)
         for i in range(len(columns["failed"]))
         for row in [
             {name: column[i] for name, column in columns.items()}

@@ -97,6 +97,8 @@ class BlockResult:
     """Time spent storing [s]: digests, compression, writing."""
     write_s: float = 0.0
     """Of that, waiting for the disk or the service [s]."""
+    asked: FloatArray | None = None
+    """(c, s, k) further quantities; None where the campaign asks for none."""
 
 
 def rows_of(waveform: Waveform) -> Rows:
@@ -118,8 +120,8 @@ def compute_block(
     counts: a case is an axis behind the switch. A candidate fails where the device model says so: it would fail
     anywhere. Whatever else is raised is the machine's fault and goes on to the caller.
     """
-    from softclose.device.device import worst
-    from softclose.evaluate import combinations, respond_each
+    from softclose.evaluate import combinations, counted, respond_each
+    from softclose.evaluate.asked import asked
 
     times, n_impacts = times_us(config), config.store.max_impacts
     n_cases = len(combinations(chain_of(config)))
@@ -140,11 +142,11 @@ def compute_block(
             if not is_own_word(e):
                 raise
             failures[i] = f"{type(e).__name__}: {e}"
-            nothing = _nothing(len(lot), n_impacts, len(times))
+            nothing = _nothing(len(lot), len(asked(config)), n_impacts, len(times))
             found.append(_with_cases(nothing, [nothing] * n_cases))
             continue
         arrays = [_arrays(r, n_impacts) for r in each]
-        found.append(_with_cases(arrays[0] if n_cases == 1 else _arrays(worst(each), n_impacts), arrays))
+        found.append(_with_cases(arrays[0] if n_cases == 1 else _arrays(counted(config, each), n_impacts), arrays))
     return {name: _stacked([arrays[name] for arrays in found]) for name in found[0]}, failures
 
 
@@ -162,8 +164,9 @@ def _arrays(r: Responses, n_impacts: int) -> dict[str, NDArray[Any]]:
     }
     impact = np.empty((len(r.status), n_impacts, len(IMPACT_QUANTITIES)))
     impact[..., 0], impact[..., 1] = r.impact_time_us, r.impact_speed
+    response = np.stack([known[quantity] for quantity in PLACE], axis=-1, dtype=np.float64)
     return {
-        "response": np.stack([known[quantity] for quantity in PLACE], axis=-1, dtype=np.float64),
+        "response": response if r.asked is None else np.concatenate([response, r.asked], axis=-1),
         "x": np.asarray(r.x, dtype=np.float32),
         "v": np.asarray(r.v, dtype=np.float32),
         "impact": impact,
@@ -177,9 +180,9 @@ def _with_cases(counts: dict[str, NDArray[Any]], cases: list[dict[str, NDArray[A
     return counts | {f"{CASE_PREFIX}{name}": np.stack([case[name] for case in cases], axis=1) for name in counts}
 
 
-def _nothing(n: int, n_impacts: int, n_times: int) -> dict[str, NDArray[Any]]:
+def _nothing(n: int, n_asked: int, n_impacts: int, n_times: int) -> dict[str, NDArray[Any]]:
     """What is stored of n switches whose device model failed."""
-    response = np.full((n, len(PLACE)), np.nan)
+    response = np.full((n, len(PLACE) + n_asked), np.nan)
     response[:, PLACE["closed"]], response[:, PLACE["status"]] = 0.0, -1.0
     x = np.full((n, n_times), np.nan, dtype=np.float32)
     return {"response": response, "x": x, "v": x, "impact": np.full((n, n_impacts, len(IMPACT_QUANTITIES)), np.nan)}
@@ -205,6 +208,7 @@ def run_block(task: BlockTask) -> BlockResult:
         closed=response[:, :, PLACE["closed"]] == 1.0,
         status=response[:, :, PLACE["status"]].astype(np.int8),
         settling_us=np.ascontiguousarray(response[:, :, PLACE["settling"]]),
+        asked=np.ascontiguousarray(response[:, :, len(PLACE) :]) if response.shape[-1] > len(PLACE) else None,
         marker=marker,
         failures=failures,
         simulate_s=simulated - began,
