@@ -15,7 +15,7 @@ export MKL_NUM_THREADS := 1
 # Tests start hundreds of processes: where the environment forbids bytecode, each would compile every module anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help env env-test env-lint run test long wheel lint docs torture damage power-loss mutants clean
+.PHONY: help env env-test env-lint run test long wheel lint docs torture damage power-loss mutants readme clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/'
@@ -74,6 +74,11 @@ lint: env-lint  ## style, types and the direction of imports
 docs: env-docs  ## the documentation as a site in docs/_build/html, warnings as errors
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	@echo docs/_build/html/index.html
+
+readme: env  ## the README's picture and table, from the stores of `make run`, certified first (RUNS=...)
+	$(BIN)/softclose certify $(RUNS)/current.zarr
+	$(BIN)/softclose certify $(RUNS)/current-three.zarr
+	$(BIN)/python docs/readme.py $(RUNS)
 
 long: env-test  ## what `make test` leaves out: every case of the claims that take minutes
 	PYTHONPATH=tests $(BIN)/python -m compile_kernels
