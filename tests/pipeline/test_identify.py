@@ -245,6 +245,12 @@ def test_a_fitted_campaign_is_files_that_load_as_what_was_fitted(tmp_path: Path)
     assert read.model.film_viscosity_uPa_s == pytest.approx(1.3)
     assert read.model.film_length_um == pytest.approx(math.sqrt(16_700.0))
     assert read.waveform.max_volts == 120.0
+    assert read.model_error.none, "readings without error leave none"
+    off = noisy(data, 4)
+    missed = identify(begun, off, fixed={"K": None, "film": 1.3}, n_starts=1)
+    wrong = load_config(write_own_campaign(config, begun, missed, tmp_path / "off.toml")[0]).model_error
+    assert (wrong.force, wrong.time) == pytest.approx((missed.force_error, missed.time_error), abs=6e-4)
+    assert 0.005 < wrong.time < 0.05
     again = model_of(read)
     np.testing.assert_allclose(again.switch, found.switch, rtol=5e-3)
     np.testing.assert_allclose(predicted(again.switch, again.device, data.readings), found.said, rtol=5e-3)

@@ -31,6 +31,8 @@ from softclose.tables import toml_text
 
 FloatArray = NDArray[np.float64]
 
+LARGEST_ERROR = 0.3
+"""What `model_error` takes at most: a model that misses by more is none."""
 _N_LOT = 4096
 """Sobol switches whose K and M stand for a lot that is told by other variables."""
 
@@ -123,6 +125,10 @@ def write_own_campaign(config: CampaignConfig, begun: Model, found: Identified, 
         model["modes"] = modes.name
         files.append(modes)
     data.setdefault("population", {})["name"] = lot.name
+    left = {"force": found.force_error, "time": found.time_error}
+    errors = {name: round(min(x, LARGEST_ERROR), 3) for name, x in left.items() if not math.isnan(x)}
+    if any(errors.values()):
+        data["model_error"] = data.get("model_error", {}) | errors
     if "compute" in data:
         data["compute"].pop("block_switches", None)
     target.write_text(toml_text(data), "utf-8")
