@@ -207,7 +207,7 @@ def pipe(file: Path, sibling: Path, outside: Path) -> None:
 
 
 def linked_folder(file: Path, sibling: Path, outside: Path) -> None:
-    if (file.parent / "digests").is_dir():  # the store's own folder is the user's
+    if (file.parent / "candidates").is_dir():  # the store's own folder is the user's
         emptied(file, sibling, outside)
         return
     shutil.copytree(file.parent, outside / "folder")
@@ -425,7 +425,7 @@ def named(path: Path) -> dict[str, set[tuple[str, bool]]]:
 def fresh(case: Case) -> Path:
     """The whole store at the case's place: what is not as it was copied is copied again."""
     shutil.rmtree(f"{case.path}.strays", ignore_errors=True)
-    if case.path.is_symlink() or not case.path.is_dir():
+    if not case.path.is_dir():
         case.known.clear()
         shutil.copytree(case.whole, case.path)
     there, folders = set(), []
