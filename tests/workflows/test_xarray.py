@@ -138,3 +138,20 @@ def test_an_assessed_drive_joins_the_tree(store: str) -> None:
     keep(store, "mine", found)
     tree = xr.open_datatree(store, engine="zarr", chunks=None)
     assert set(tree["traces/mine"].variables) == set(reference_pages.RESULT_ARRAYS["traces/…"])
+
+
+def test_verify_names_a_group_that_is_not_listed_yet(store: str, tmp_path: Path) -> None:
+    import shutil
+
+    from click.testing import CliRunner
+
+    from softclose_store import DriverStore
+    from softclose_workflows.cli import main
+
+    copy = str(shutil.copytree(store, tmp_path / "a.zarr"))
+    with DriverStore(copy):
+        certify(copy, n_switches=120, top=1)
+        told = CliRunner().invoke(main, ["verify", copy])
+        assert told.exit_code == 0
+        assert "certification/120-1: whole, and not in the root's list" in told.output
+    assert "not in the root's list" not in CliRunner().invoke(main, ["verify", copy]).output

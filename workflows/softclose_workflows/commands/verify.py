@@ -60,6 +60,7 @@ def verify(
         "damage": [str(p) for p in report.problems],
         "left_behind": list(report.orphans),
         "extension": report.extension,
+        "unlisted": list(report.unlisted),
     }
     lines += [f"damage: {problem}" for problem in report.problems]
     lines.append(
@@ -69,6 +70,11 @@ def verify(
         lines.append(
             f"an extension to {report.extension} candidates was cut off: harmless, `softclose resume` and --repair "
             "complete it"
+        )
+    if report.unlisted:
+        lines.append(
+            f"{', '.join(report.unlisted)}: whole, and not in the root's list, so that xarray's open_datatree does not "
+            "show it yet: a run that ends, `softclose resume` and --repair list it"
         )
     if report.orphans:
         lines.append(f"{len(report.orphans)} temporary files left behind by a kill: harmless, --repair removes them")
