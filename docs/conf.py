@@ -27,7 +27,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build", "results"]
+exclude_patterns = ["_build"]
 suppress_warnings: list[str] = []
 
 html_theme = "furo"

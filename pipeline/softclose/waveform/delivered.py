@@ -76,13 +76,13 @@ class Delivered:
         return np.unique(np.append(0.0, knots[np.isfinite(knots) & (knots <= horizon_us)]))
 
     def max_voltage(self, horizon_us: float = 250.0) -> float:
-        """Largest |u| over [0, horizon] [V], to a thousandth of what ripples on it."""
+        """Largest magnitude of the voltage over [0, horizon] [V], to a thousandth of what ripples on it."""
         pieces = self.flat(horizon_us)[0]
         inside = np.linspace(pieces[:, 0], pieces[:, 1], 65, axis=1)
         return float(np.abs(self.voltage(inside)).max())
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
-        """Raise WaveformError where |u| exceeds max_volts on [0, horizon]."""
+        """Raise WaveformError where its magnitude exceeds max_volts on [0, horizon]."""
         peak = self.max_voltage(horizon_us)
         if is_above(peak, max_volts):
             raise WaveformError(f"{peak:.6g} V are delivered; {max_volts:g} V are allowed (waveform.max_volts)")
