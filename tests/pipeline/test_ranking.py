@@ -161,7 +161,7 @@ def test_proposals_see_ranks_and_not_the_g_beside_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("p_nc", "words"), [(0.0, ""), (0.05, ""), (0.0501, "warn_open (5.0%)"), (0.71, "max_open (10.0%)"), (math.nan, "")]
+    ("p_nc", "words"), [(0.0, ""), (0.05, ""), (0.0501, "warn_open (5 %)"), (0.71, "max_open (10 %)"), (math.nan, "")]
 )
 def test_many_open_switches_are_said(p_nc: float, words: str) -> None:
     said = open_warning(p_nc, max_open=0.1, warn_open=0.05)

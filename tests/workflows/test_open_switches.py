@@ -91,7 +91,7 @@ def printed(*arguments: str) -> str:
     return " ".join(done.output.split())
 
 
-WARNING = "% of the switches stay open under this waveform, more than objective.max_open (10.0%)"
+WARNING = " % of the switches stay open under this waveform, more than objective.max_open (10 %)"
 
 
 def test_it_is_said_wherever_a_best_is_printed_or_exported(soft: str, tmp_path: Path) -> None:

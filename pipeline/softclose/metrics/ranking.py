@@ -72,10 +72,11 @@ def open_warning(p_nc: float, *, max_open: float, warn_open: float) -> str:
     if not p_nc > warn_open:
         return ""
     beyond = p_nc > max_open
-    said = f"WARNING: {p_nc:.1%} of the switches stay open under this waveform, more than "
+    said = f"WARNING: {100.0 * p_nc:.1f} % of the switches stay open under this waveform, more than "
     if beyond:
         return said + (
-            f"objective.max_open ({max_open:.1%}): a candidate that leaves fewer open ranks before it, however fast; "
-            "none was found, or it was not asked for"
+            f"objective.max_open ({100.0 * max_open:g} %): a candidate that leaves fewer open ranks before it, however "
+            "fast; none was found, or it was not asked for"
         )
-    return said + f"objective.warn_open ({warn_open:.1%}): switches that never close make the others look softer"
+    limit = f"objective.warn_open ({100.0 * warn_open:g} %)"
+    return f"{said}{limit}: switches that never close make the others look softer"
