@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from softclose.presets import preset_names
+from softclose.propose.design import design_point
 from softclose.propose.plan import SEARCH, plan
 from softclose.propose.protocol import Problem
 from softclose.settings import load_config
@@ -28,6 +30,15 @@ def share_of_the_process(name: str) -> float:
 @pytest.mark.parametrize("name", SEARCHES)
 def test_the_process_proposes_at_least_half_of_the_candidates(name: str) -> None:
     assert share_of_the_process(name) >= 0.5
+
+
+@pytest.mark.parametrize("name", [name for name in SEARCHES if load_config(name).has_prior])
+def test_the_prior_of_every_preset_has_an_answer(name: str) -> None:
+    problem = Problem(load_config(name, ["prior.n_switches=16", "prior.n_exploring=8"]))
+    waveform = problem.space.waveform(design_point(problem, 0))
+    few, all_of_them = problem.prior_values([waveform], 8), problem.prior_values([waveform])
+    assert np.isfinite([few.g_cm_s[0], all_of_them.g_cm_s[0]]).all()
+    assert few.failure == all_of_them.failure == ""
 
 
 def test_the_published_procedures_are_what_was_published() -> None:
