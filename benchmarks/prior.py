@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 from softclose.conditions.streams import Ensemble
-from softclose.evaluate import draw, respond
-from softclose.evaluate.judging import objective_settings
+from softclose.evaluate import draw, objective_settings, respond
 from softclose.metrics.ranking import rank_cm_s
 from softclose.metrics.value import objective_value
 from softclose.population.lot import Lot

@@ -102,7 +102,8 @@ def test_the_best_candidate_lies_in_the_best_colours_of_every_map() -> None:
     askew = []
     for o in history(of, 90):
         at = of.space.coordinates_of(o.waveform)
-        askew.append(replace(o, g_cm_s=float(20.0 + 40.0 * (at[i] + at[j] - 1.0) ** 2 - 4.0 * at[i])))
+        g = float(20.0 + 40.0 * (at[i] + at[j] - 1.0) ** 2 - 4.0 * at[i])
+        askew.append(replace(o, g_cm_s=g, rank_cm_s=g))
     learned = surrogate_dependence(of, askew)
     assert learned is not None
     for (a, b), values in zip(learned.pairs, learned.pair_cm_s, strict=True):
@@ -131,7 +132,8 @@ def test_a_smooth_objective_is_foretold_and_noise_is_not(learned: Dependence) ->
     assert len(learned.left_out.error_cm_s) == 30  # of 60, those at or below the median
     assert learned.left_out.median_error_cm_s < 0.3
     of, rng = problem(), np.random.default_rng(3)
-    noise = [replace(o, g_cm_s=float(20.0 + 10.0 * rng.random())) for o in history(of)]
+    drawn = 20.0 + 10.0 * rng.random(60)
+    noise = [replace(o, g_cm_s=float(g), rank_cm_s=float(g)) for o, g in zip(history(of), drawn, strict=True)]
     blind = surrogate_dependence(of, noise)
     assert blind is not None
     assert blind.left_out.median_error_cm_s > 1.0

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from examples import examples
 from softclose.device.protocol import CannotSimulate
 from softclose.evaluate import draw, respond
-from softclose.evaluate.judging import judge, objective_settings
+from softclose.evaluate.judging import judge
+from softclose.evaluate.scoring import objective_settings
 from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
 from softclose.propose import prior as prior_module
@@ -164,6 +165,18 @@ def test_the_prior_of_a_plain_campaign_is_its_own_model_on_few_switches():
             response = respond(prior.config, prior.lot.rows(slice(n)), waveform)
             found = judge(prior.config, response)
             assert g == found.g_cm_s if found.p_nc <= 0.1 else g >= 120.0
+
+
+def test_the_prior_weighs_what_the_campaign_weighs():
+    config = config_of(objective={"weights": {"peak": 0.1}, "max_open": 1.0})
+    prior, plain = Prior.of(config), Prior.of(config_of(objective={"max_open": 1.0}))
+    waveforms = Problem(config).space.waveforms(np.random.default_rng(3).random((3, 6)))
+    for waveform, g, without in zip(
+        waveforms, prior.values(waveforms).g_cm_s, plain.values(waveforms).g_cm_s, strict=True
+    ):
+        found = judge(prior.config, respond(prior.config, prior.lot, waveform))
+        assert g != without
+        assert g == found.g_cm_s
 
 
 @pytest.mark.parametrize(

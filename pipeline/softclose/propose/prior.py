@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from softclose.conditions.streams import Ensemble
 from softclose.device.protocol import is_own_word
 from softclose.evaluate import draw, respond
+from softclose.evaluate.judging import judge
 from softclose.evaluate.scoring import objective_settings
+from softclose.metrics.ranking import is_beyond
 from softclose.metrics.value import objective_value
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population.lot import Lot
@@ -72,8 +74,13 @@ class Prior:
                     raise PriorError(f"the prior could not be evaluated ({type(e).__name__}: {e})") from e
                 failure = failure or f"{type(e).__name__}: {e}"
                 continue
-            g[i], p_nc = objective_value(response, **settings)
-            if p_nc > objective.max_open and np.isfinite(g[i]):
+            if objective.weights or objective.quantity_limits:
+                whole = judge(self.config, response)
+                g[i], p_nc, beyond = whole.g_cm_s, whole.p_nc, bool(is_beyond(whole.rank_cm_s))
+            else:
+                g[i], p_nc = objective_value(response, **settings)
+                beyond = p_nc > objective.max_open
+            if beyond and np.isfinite(g[i]):
                 g[i] = max(g[i], BEYOND * objective.undefined_v_u_cm_s) * (1.0 + p_nc)
             if not np.isfinite(g[i]):
                 failure = failure or "too many switches could not be integrated"
