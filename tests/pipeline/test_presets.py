@@ -14,7 +14,10 @@ from softclose.settings import load_config
 PROCESS = ("skopt", "parego")
 """Engines that are a Gaussian process."""
 
-SEARCHES = [name for name in preset_names() if not name.endswith(("-paper", "-direct"))]
+NO_CHEAP_MODEL = {"actuator", "capacitive"}
+"""Devices that a film of slipping gas decides: no kernel is fast with it, and a prior would cost as the search does."""
+
+SEARCHES = [n for n in preset_names() if not n.endswith(("-paper", "-direct")) and n not in NO_CHEAP_MODEL]
 
 
 def share_of_the_process(name: str) -> float:
@@ -43,4 +46,4 @@ def test_the_prior_of_every_preset_has_an_answer(name: str) -> None:
 
 def test_the_published_procedures_are_what_was_published() -> None:
     assert {share_of_the_process(name) for name in preset_names() if name not in SEARCHES} == {0.0}
-    assert len(SEARCHES) == len(preset_names()) - 4
+    assert len(SEARCHES) == len(preset_names()) - 4 - len(NO_CHEAP_MODEL)
