@@ -187,3 +187,25 @@ def test_an_extension_starts_from_the_best_on_the_largest_ensemble():
     middle = np.mean([problem.space.unit(p.waveform, clip=True) for p in proposer.from_history(extension, before)], 0)
     apart = [np.linalg.norm(middle - problem.space.unit(o.waveform, clip=True)) for o in (best, few)]
     assert apart[0] < apart[1]
+
+
+def test_an_extension_begins_around_the_best_and_goes_on_from_what_it_found():
+    problem = problem_of("sobol", 8, explore={"budget": 24}, finish={"budget": 9}, campaign={"extensions": [12]})
+    first, second = plan(problem)[-2:]
+    whole = run(problem)[0]
+    before = [o for o in whole if o.index < first.start]
+    most = max(o.n_switches for o in before)
+    largest = [o for o in before if o.n_switches == most]
+    proposer = Proposer(problem)
+
+    def middle(history):
+        return np.mean([problem.space.unit(p.waveform, clip=True) for p in proposer.from_history(first, history)], 0)
+
+    far = max(largest, key=lambda o: np.linalg.norm(problem.space.unit(o.waveform, clip=True) - 0.5))
+    best = [with_g(o, 0.1) if o is far else o for o in before]
+    assert np.linalg.norm(middle(best) - problem.space.unit(far.waveform, clip=True)) < 0.2
+    none = [with_g(o, math.nan, failed=True) for o in before]
+    assert np.linalg.norm(middle(none) - 0.5) < 0.2, "around the middle of the cube where nothing is known"
+    seen = [o for o in whole if o.index < second.start]
+    other = [with_g(o, 90.0 - o.g_cm_s) if o.index >= first.start else o for o in seen]
+    assert bits(proposer.from_history(second, seen)) != bits(proposer.from_history(second, other))
