@@ -65,3 +65,16 @@ def options_of(name: str, given: Mapping[str, Any]) -> BaseModel | None:
         ]
         more = [f"and {len(problems) - MOST_TOLD} more"] if len(problems) > MOST_TOLD else []
         raise ModelError("; ".join([*told, *more])) from e
+
+
+def options_where_installed(name: str, given: Mapping[str, Any]) -> BaseModel | None:
+    """`options_of`, but None where the model's package is not installed: only who simulates asks for it, and is told.
+
+    Raises ModelError as `options_of` does of a model that is there.
+    """
+    if name not in MODELS.shipped:
+        try:
+            MODELS.load(name)
+        except ModelError:
+            return None
+    return options_of(name, given)

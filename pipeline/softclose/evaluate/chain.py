@@ -15,7 +15,7 @@ from softclose.conditions.temperature import Temperature
 from softclose.conditions.trim import Tailored
 from softclose.device.device import Device
 from softclose.device.drives import Drives
-from softclose.device.options import options_of
+from softclose.device.options import options_where_installed
 from softclose.plugins import REDUCED_ORDER
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
@@ -56,7 +56,7 @@ def device_of(config: CampaignConfig) -> Device:
         rtol=compute.rtol,
         method=compute.method,
         losses=model.build_losses(),
-        options=options_of(model.name, model.options),
+        options=options_where_installed(model.name, model.options),
         modes=config.build_reduced_order() if model.name == REDUCED_ORDER else None,
     )
 
