@@ -97,22 +97,6 @@ def case(title: str, how: str = "") -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(
-    ("row", "title", "store"),
-    [
-        ("100 V step", "unshaped 100 V", ""),
-        ("tuned for the mean switch", "deterministic design", ""),
-        ("three pulses, all ten parameters", "current design, 3 pulses", "current-three.zarr"),
-    ],
-)
-def test_rows_of_the_readme_are_those_of_the_certified_table(row: str, title: str, store: str) -> None:
-    c = case(title, store)
-    low, high = c["v_u_interval"]
-    open_ = f"{100 * c['p_nc']:.1f}".removesuffix(".0")
-    published = c["published"]["v_u_cm_s"] if c["published"] else 18.8
-    said(f"| {row} | {published} | {c['v_u_cm_s']:.2f} ({low:.2f}–{high:.2f}) | {open_} % |", "README.md")
-
-
 def test_the_readme_says_how_long_the_tests_take() -> None:
     """To a quarter, of what docs/measurements/tests.md has of the newest run."""
     table = (ROOT / "docs" / "measurements" / "tests.md").read_text("utf-8")

@@ -174,7 +174,7 @@ class Store(RuleBasedStateMachine):
     @precondition(lambda self: not self.damaged)
     @rule()
     def read_while_it_grows(self) -> None:
-        with xr.open_zarr(self.path) as ds:
+        with xr.open_zarr(self.path, group="candidates") as ds:
             assert ds.sizes["candidate"] == self.committed
             assert ds["records"].sel(field="g_cm_s").isnull().sum() == (self.committed > 3)
         campaign = open_campaign(self.path)

@@ -90,7 +90,7 @@ def test_exports_are_datasets_and_texts_and_files(store: str, tmp_path: Path) ->
 def test_a_run_draws_every_figure_by_its_name(store: str) -> None:
     run = api.open_run(store)
     assert len(run.plot("convergence").axes) >= 1
-    with pytest.raises(ValueError, match="there are response, histogram"):
+    with pytest.raises(ValueError, match="there are response, pulses, histogram"):
         run.plot("nothing")
 
 

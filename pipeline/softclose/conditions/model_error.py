@@ -77,7 +77,7 @@ def mistaken(lot: Lot, force: FloatArray | float, time: FloatArray | float) -> L
 
 
 @dataclass(frozen=True, slots=True)
-class ModelError(Condition):
+class UncertainModel(Condition):
     """Lots that the model may be wrong about, weighed alike or at their worst."""
 
     section: ClassVar[str] = "model_error"

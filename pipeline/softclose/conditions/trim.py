@@ -261,7 +261,19 @@ MEASUREMENT = Coordinate(
 
 
 def trim_of(settings: TrimSection, around: Surroundings) -> Trim:
-    """The trim that a section stands for, on the lot that it is for."""
+    """The trim that a section stands for, on the lot that it is for.
+
+    Parameters
+    ----------
+    settings : TrimSection
+        What is measured, with what errors, and what is scaled by it.
+    around : Surroundings
+        The lot and the device model.
+
+    Returns
+    -------
+    Trim
+    """
     return Trim(
         population=around.population,
         device=around.device,

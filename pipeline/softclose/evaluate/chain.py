@@ -9,7 +9,7 @@ from typing import Any
 
 from softclose.conditions.amplifier import Amplifier
 from softclose.conditions.learning import TailoredByLearning
-from softclose.conditions.model_error import ModelError
+from softclose.conditions.model_error import UncertainModel
 from softclose.conditions.protocol import Case, Condition, Surroundings
 from softclose.conditions.temperature import Temperature
 from softclose.conditions.trim import Tailored
@@ -21,7 +21,7 @@ from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Drive
 
-CONDITIONS: tuple[type[Condition], ...] = (ModelError, Tailored, TailoredByLearning, Amplifier, Temperature)
+CONDITIONS: tuple[type[Condition], ...] = (UncertainModel, Tailored, TailoredByLearning, Amplifier, Temperature)
 """Every condition, in the order of the signal's way: what is measured is measured before what changes a switch."""
 
 

@@ -73,8 +73,27 @@ class Closing:
         fresh: bool = True,
         for_everybody: bool = False,
     ) -> Closing:
-        """Of a response that `respond` gave for this lot and waveform; fresh: of independent random switches;
-        for_everybody: its drive was tailored to no switch."""
+        """Of a response that `respond` gave.
+
+        Parameters
+        ----------
+        config : CampaignConfig
+            Whose objective and conditions apply.
+        lot : Lot
+            n switches.
+        waveform : Drive
+            What drove them.
+        response : Responses
+            What they did, (n,) each.
+        fresh : bool
+            Whether they are independent random switches.
+        for_everybody : bool
+            Whether the drive was tailored to no switch.
+
+        Returns
+        -------
+        Closing
+        """
         chain = chain_of(config)
         return cls(
             chain=chain,
@@ -144,7 +163,23 @@ class Quantity:
         return self.of_column(found, level=a.level, confidence=a.confidence, has_interval=a.intervals_valid)
 
     def of_column(self, values: FloatArray, *, level: float, confidence: float, has_interval: bool) -> Value:
-        """Its value from those of the switches, (n,), or of a drive, whose first counts; not of a lot's quantity."""
+        """Its value from those of the switches; not of a lot's quantity.
+
+        Parameters
+        ----------
+        values : ndarray
+            (n,) of the switches, or of a drive, whose first counts.
+        level : float
+            Of the quantile.
+        confidence : float
+            Of the interval.
+        has_interval : bool
+            Whether an interval holds for these switches.
+
+        Returns
+        -------
+        Value
+        """
         if self.per == "drive":
             value = float(values[0])
             return Value(estimate=value, interval=(value, value), n=0)

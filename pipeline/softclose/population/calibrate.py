@@ -126,8 +126,32 @@ def calibrate(
 ) -> Calibration:
     """Fit the population from Eqs. 3-6 and the published ranges to measurements.
 
-    bounds: (lower, upper) of any of D, G, E, T known from the process (µm, GPa); the others are estimated, see
-    `softclose.population.fit`. Same seed, same intervals. Raises MeasurementError.
+    Parameters
+    ----------
+    measurements : Measurements
+        Of n devices.
+    name : str
+        Of the population.
+    bounds : mapping, optional
+        (lower, upper) of any of D, G, T [µm] and E [GPa] that is known from the process; the others are estimated, see
+        `softclose.population.fit`.
+    plate_area_um2 : float
+        Area of the electrode [µm²].
+    n_bootstrap : int
+        Lots that the devices may have come from, of which the intervals are the middle.
+    confidence : float
+        Of the intervals.
+    seed : int
+        Same seed, same intervals.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    MeasurementError
+        For settings that are none, or a variable that is the same for all devices.
     """
     if not 0.0 < plate_area_um2 < math.inf:
         raise MeasurementError(f"the plate area is {plate_area_um2:g} µm²; it must be above 0 (--plate-area)")

@@ -120,7 +120,22 @@ def read_measurements(path: str | Path, *, columns: Mapping[str, str] | None = N
     """Read a table of gap, travel and one pair of `LAWFUL`, one device a line; see `read_devices`.
 
     A device that stands in several lines was measured several times: it counts once, with the mean of its values.
-    Raises MeasurementError, also for a value that is many times as large as the others.
+
+    Parameters
+    ----------
+    path : str or Path
+        The table.
+    columns : mapping, optional
+        The table's own name of a column for each of ours that is called otherwise there.
+
+    Returns
+    -------
+    Measurements
+
+    Raises
+    ------
+    MeasurementError
+        For a table that cannot be read, or a value that is many times as large as the others.
     """
     found = read_devices(path, *[("G_um", "D_um", *pair) for pair in LAWFUL.values()], columns=columns)
     for name, column in found.values.items():

@@ -82,7 +82,20 @@ class Delivered:
         return float(np.abs(self.voltage(inside)).max())
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
-        """Raise WaveformError where its magnitude exceeds max_volts on [0, horizon]."""
+        """Make sure that the magnitude stays within a limit.
+
+        Parameters
+        ----------
+        max_volts : float
+            The limit [V].
+        horizon_us : float
+            It holds on [0, horizon] [µs].
+
+        Raises
+        ------
+        WaveformError
+            Where it is exceeded, by how much.
+        """
         peak = self.max_voltage(horizon_us)
         if is_above(peak, max_volts):
             raise WaveformError(f"{peak:.6g} V are delivered; {max_volts:g} V are allowed (waveform.max_volts)")

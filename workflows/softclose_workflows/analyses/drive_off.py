@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from softclose.evaluate.pieces import Mapper, here
+from softclose.settings import CampaignConfig
 from softclose.uncertainty.tolerance import DriveError, DriveTolerance
+from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import Certification
 from softclose_workflows.analyses.drive_errors import tolerance
 from softclose_workflows.tell.console import wide_console
@@ -20,15 +22,20 @@ GAINS = (-0.03, -0.01, 0.01, 0.03)
 """Relative errors of the drive's volts."""
 MOST = 4_000
 """New switches at most: the question is by how much the figures move, not what they are."""
+QUICK_S = 5.0
+"""What is computed in this process, about [s]: no cluster is started for it."""
 
 
 def off_by_drive(path: str, result: Certification, *, mapper: Mapper = here) -> tuple[DriveTolerance, ...]:
     """The best certified candidate with every drive too low or too high, after the drive as it is.
 
-    path: of the store; result: its certification, whose first switches they are.
+    path: of the store; result: its certification, whose first switches they are. mapper: whom to ask where the device
+    model says that it takes longer than a cluster takes to start.
     """
     errors = [DriveError(gain=gain) for gain in GAINS]
     n = min(result.n_switches, MOST)
+    if (len(errors) + 1) * n * CampaignConfig.from_dict(open_campaign(path).config).seconds_a_switch < QUICK_S:
+        mapper = here
     _, rows = tolerance(path, errors, candidate=result.best.candidate, n_switches=n, mapper=mapper)
     return tuple(rows)
 

@@ -23,7 +23,7 @@ _TRAINING_SEED = 1_000_003
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class JudgedOpening:
     """One design's opening on new switches."""
 
     chosen: Chosen
@@ -41,7 +41,7 @@ def opening(
     n_switches: int = 10_000,
     mapper: Mapper = here,
     listener: Step | None = None,
-) -> Judged:
+) -> JudgedOpening:
     """A stored waveform, let go at an instant: the campaign's own, or else its horizon.
 
     watch_us: how long the lot is simulated from then on; None: the campaign's own opening.watch_us.
@@ -67,7 +67,7 @@ def opening(
         own = designed_opening(path, chosen.candidate, mapper=mapper)
         designed = own.braked.released.waveform if own is not None and own.braked is not None else None
     braked = None if designed is None else judge_opening(config, fresh, designed, at_us=at, mapper=mapper)
-    return Judged(chosen=chosen, openings=Openings(at_us=at, plain=plain, braked=braked))
+    return JudgedOpening(chosen=chosen, openings=Openings(at_us=at, plain=plain, braked=braked))
 
 
 def opening_words(found: Openings) -> str:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 
 from softclose.propose.protocol import Wave
+from softclose.plugins import MEASURED
 from softclose.settings import CampaignConfig
 from softclose_store import MIN_INNER, StageLayout, largest_inner
 
@@ -22,8 +23,9 @@ def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageL
 
     A block holds about `compute.block_switches` simulated switches: several candidates where ensembles are small, a
     part of one candidate where they are large. A wave that would be one block is cut in two, along its candidates or,
-    where their number does not divide, along its switches, unless the halves were too small to be worth a task. No
-    block straddles two waves, so that no chunk has two writers.
+    where their number does not divide, along its switches, unless the halves were too small to be worth a task: but
+    for measured devices, of which one candidate is told whole. No block straddles two waves, so that no chunk has two
+    writers.
     """
     stages = []
     for name in dict.fromkeys(wave.stage for wave in waves):
@@ -33,7 +35,8 @@ def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageL
         candidates = _block_candidates(sizes, n_switches, wanted)
         switches = _block_switches(n_switches, wanted)
         usual = sizes[:-1] or sizes
-        if min(usual) == candidates and switches == n_switches and SMALLEST * candidates * switches >= 2 * wanted:
+        is_one = min(usual) == candidates and switches == n_switches
+        if is_one and SMALLEST * candidates * switches >= 2 * wanted and config.model.name != MEASURED:
             if candidates % 2 == 0:
                 candidates //= 2
             elif n_switches > 1:
