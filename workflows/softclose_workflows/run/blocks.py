@@ -9,8 +9,8 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from softclose.propose.protocol import Wave
 from softclose.plugins import MEASURED
+from softclose.propose.protocol import Wave
 from softclose.settings import CampaignConfig
 from softclose_store import MIN_INNER, StageLayout, largest_inner
 
