@@ -182,7 +182,7 @@ def test_questions_that_cannot_be_are_refused(event, changes, said):
 
 def test_without_openturns_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "openturns", None)
-    with pytest.raises(TailError, match=r"pip install 'softclose\[tails\]', or choose the method brute"):
+    with pytest.raises(TailError, match=r"pip install openturns, or choose the method brute"):
         tail(load_config({}), DRIVE, "fast", methods=["form"])
     assert tail(load_config({}), DRIVE, "fast", methods=["brute"], n_switches=100)
 
