@@ -65,6 +65,11 @@ name = "reduced-order"
 modes = "soft.toml"
 [waveform]
 max_volts = 120.0
+[objective] # its step closes too few switches to scale prices with the lot
+c1_cm_s = 25.0
+undefined_v_u_cm_s = 60.0
+chance_penalty_cm_s = 500.0
+limits_cm_s = [19.7]
 [optimiser]
 engine = "sobol"
 [explore]

@@ -41,7 +41,7 @@ def test_it_says_what_switches_and_what_devices_leave_open(store: str, devices: 
     assert "on the lot of 12 devices" in told
     found = json.loads(_propagate(store, devices, *few, "--json"))
     low, high = found["by_devices"]["v_u_cm_s"]
-    assert f"{low:.2f} – {high:.2f}" in told
+    assert f"{low:.2f}–{high:.2f}" in told
     by_switches = found["assessment"]["v_u_interval"]
     assert high - low > by_switches[1] - by_switches[0]
     assert len(found["lots"]["p_nc"]) == found["n_lots"] == 40

@@ -120,7 +120,7 @@ def test_regret_is_what_a_value_loses_by_the_optimum_of_another(capsys: pytest.C
         "41.25",
         "80.00 V from",
         "v_u [cm/s]",
-        "0.1000 (",
+        "10.00 % (",
         "optimum of 100",
     ):
         assert text in " ".join(said.split())

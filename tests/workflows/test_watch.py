@@ -94,7 +94,7 @@ def test_on_a_pipe_it_prints_one_line_per_change(tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["status", str(path), "--watch"])
     assert done.exit_code == 0, done.output
     assert done.output.splitlines() == [done.output.strip()]
-    assert done.output.startswith("8/8 candidates · best g ")
+    assert done.output.startswith("8 of 8 candidates · best g ")
 
 
 def test_json_and_watch_exclude_each_other(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 
 from softclose.plugins import MEASURED
+from softclose.propose.plan import engine_of
 from softclose.propose.protocol import Wave
 from softclose.settings import CampaignConfig
 from softclose_store import MIN_INNER, StageLayout, largest_inner
@@ -48,6 +49,7 @@ def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageL
                 n_switches=n_switches,
                 block_candidates=candidates,
                 block_switches=switches,
+                engine=engine_of(config, name),
             )
         )
     return tuple(stages)
