@@ -201,14 +201,17 @@ def _check_root(check: _Check) -> Root | None:
 
 
 def _tells_the_runs(content: bytes | None, root: Root) -> bool:
-    """Whether the group `runtime` says what the root says; a run that was killed as it began may be one ahead."""
+    """Whether the group `runtime` says what the root says.
+
+    A run that was killed as it began may be one ahead, and one that was killed as it ended may say more of itself.
+    """
     if content == runtime_text(root):
         return True
     try:
         last = read_json(content or b"")["attributes"]["runs"][-1]
     except (ValueError, KeyError, TypeError, IndexError):
         return False
-    return isinstance(last, dict) and content == runtime_text(root.noted(last))
+    return isinstance(last, dict) and content in (runtime_text(root.noted(last)), runtime_text(root.amended(last)))
 
 
 def read_backup(files: Store, where: str) -> Root | None:

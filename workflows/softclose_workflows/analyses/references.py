@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -102,7 +103,7 @@ SLOW = 4.0
 
 def slow_lines(best: Assessment, step: Assessment) -> list[str]:
     """What to ask for where the best candidate is a slow ramp and nothing says until when switches must be closed."""
-    if best.closed_by_us or not best.closing_us > SLOW * step.closing_us:
+    if best.closed_by_us or not SLOW * step.closing_us < best.closing_us < math.inf:
         return []
     limit = 0.5 * (best.closing_us + step.closing_us)
     return [
