@@ -291,10 +291,8 @@ def assess(
         value, value_interval, value_se = shortfall.estimate, shortfall.interval, shortfall.se
         association = _shared(shortfall.influence, contact, ~closed)
 
-    slope, floor = (c1_cm_s, 0.0) if form == "penalty" else (chance_penalty_cm_s, float(p_max or 0.0))
-
     def penalty(p: float) -> float:
-        return slope * max(0.0, p - floor)
+        return penalty_cm_s(p, form=form, c1_cm_s=c1_cm_s, chance_penalty_cm_s=chance_penalty_cm_s, p_max=p_max)
 
     counted = p_nc.wilson[1] if assured and form == "chance" else p_nc.estimate
     g = (value if defined else undefined_v_u_cm_s) + penalty(counted)
@@ -352,7 +350,7 @@ def assess(
         found = _without_intervals(found)
     if form != "chance":
         return found
-    limit = limit_on(found.p_nc_intervals, floor, confidence, valid=found.intervals_valid)
+    limit = limit_on(found.p_nc_intervals, float(p_max or 0.0), confidence, valid=found.intervals_valid)
     return replace(found, limit=limit, feasible=limit.verdict == "met")
 
 
@@ -579,6 +577,12 @@ def in_time(response: Response, closed_by_us: float) -> NDArray[np.bool_]:
             "(settling_us): leave closed_by_us 0"
         )
     return closed & (np.asarray(settling, dtype=np.float64) <= closed_by_us)
+
+
+def penalty_cm_s(p: float, *, form: Form, c1_cm_s: float, chance_penalty_cm_s: float, p_max: float | None) -> float:
+    """What a share of open switches adds to g [cm/s]: c1 p of Eq. 10, or so much for what is beyond p_max."""
+    slope, floor = (c1_cm_s, 0.0) if form == "penalty" else (chance_penalty_cm_s, float(p_max or 0.0))
+    return slope * max(0.0, p - floor)
 
 
 def arrays_of(response: Response, closed_by_us: float) -> tuple[FloatArray, NDArray[np.bool_], int]:

@@ -10,7 +10,17 @@ import math
 import numpy as np
 
 from softclose.metrics import intervals
-from softclose.metrics.objective import CM_S, MAX_FAILED, Form, Response, Risk, arrays_of, tail_terms, those_read
+from softclose.metrics.objective import (
+    CM_S,
+    MAX_FAILED,
+    Form,
+    Response,
+    Risk,
+    arrays_of,
+    penalty_cm_s,
+    tail_terms,
+    those_read,
+)
 
 
 def objective_value(
@@ -63,7 +73,8 @@ def objective_value(
         value = float(ordered[intervals.quantile_rank(ordered.size, level) - 1])
         if risk == "cvar":
             value = float(tail_terms(speed[~np.isnan(speed)] * CM_S, value, level).mean())
-    if form == "penalty":
-        return value + c1_cm_s * max(0.0, p_nc), p_nc
-    counted = intervals.proportion(n_open, n, confidence).wilson[1] if assured else p_nc
-    return value + chance_penalty_cm_s * max(0.0, counted - float(p_max or 0.0)), p_nc
+    counted = intervals.proportion(n_open, n, confidence).wilson[1] if assured and form == "chance" else p_nc
+    penalty = penalty_cm_s(
+        counted, form=form, c1_cm_s=c1_cm_s, chance_penalty_cm_s=chance_penalty_cm_s, p_max=p_max
+    )  # fmt: skip
+    return value + penalty, p_nc

@@ -24,7 +24,7 @@ from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
 from softclose.population.marginals import Marginal, marginal_from_dict
 from softclose.population.nets import MOST_POINTS, scrambled_sobol
-from softclose.switch.plate import A1, PLATE_AREA_UM2, Switches, mass, pull_in_voltage, stiffness
+from softclose.switch.plate import A1, OtherAreaError, Switches, mass, plate_area_of, pull_in_voltage, stiffness
 
 FloatArray = NDArray[np.float64]
 Sampling = Literal["monte-carlo", "sobol", "replicated"]
@@ -168,15 +168,14 @@ class Population:
         PopulationError
             Where both are given and differ: E from another area means other switches.
         """
-        own = self.plate_area_um2
-        if own is None:
-            return PLATE_AREA_UM2 if asked_um2 is None else float(asked_um2)
-        if asked_um2 is not None and not np.isclose(asked_um2, own, rtol=1e-9, atol=0.0):
+        try:
+            return plate_area_of(self, asked_um2)
+        except OtherAreaError as e:
             raise PopulationError(
-                f"the plate area is given as {asked_um2:g} µm², but population {self.name!r} was fitted with {own:g} "
-                "µm²: leave it out (model.plate_area_um2, --plate-area), or calibrate again with the other area"
-            )
-        return own
+                f"the plate area is given as {asked_um2:g} µm², but population {self.name!r} was fitted with "
+                f"{self.plate_area_um2:g} µm²: leave it out (model.plate_area_um2, --plate-area), or calibrate again "
+                "with the other area"
+            ) from e
 
     def sample(
         self, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, stream: int = 0

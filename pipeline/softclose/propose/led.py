@@ -24,6 +24,7 @@ from softclose.propose.promises import Basins
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, search_history
 from softclose.propose.regions import REGION, Region, region_of, shares
 from softclose.propose.surrogate import surrogate_inputs
+from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 
 FloatArray = NDArray[np.float64]
@@ -166,6 +167,11 @@ def _collect(problem: Problem, basins: Basins, history: Sequence[Observation]) -
     return known, numbers, [o.index for o in records]
 
 
+def looks_of(config: CampaignConfig) -> int:
+    """Waveforms that are tried on the prior for each candidate: whole generations."""
+    return max(round(config.prior.looks / GENERATION), 1) * GENERATION
+
+
 def _search(
     problem: Problem,
     basins: Basins,
@@ -177,7 +183,7 @@ def _search(
     pending: Sequence[Waveform],
     draw: np.random.Generator,
 ) -> list[Proposal]:
-    space, n_generations = problem.space, max(round(problem.config.prior.looks / GENERATION), 1)
+    space, n_looks = problem.space, looks_of(problem.config)
     searches: list[_Search] = []
     for number in sorted(dealt):
         region = region_of(number, numbers=numbers, g=known.g_cm_s, waves=[o.wave for o in records])
@@ -194,7 +200,7 @@ def _search(
             )
             for k in range(dealt[number])
         ]
-    for _ in range(n_generations):
+    for _ in range(n_looks // GENERATION):
         asked = np.concatenate([search.ask() for search in searches])
         said = problem.prior_values(space.waveforms(asked)).g_cm_s
         for k, search in enumerate(searches):
@@ -239,7 +245,7 @@ def _search(
                         "expected_improvement_cm_s": float(value[place] * correction.scale.width_cm_s),
                         "trust_region_length": region.length,
                         "rho": correction.rho,
-                        "looks": float(n_generations * GENERATION),
+                        "looks": float(n_looks),
                     },
                 )
             )

@@ -47,7 +47,7 @@ def plate_area_of(switches: object, asked_um2: float | None = None) -> float:
 
     Parameters
     ----------
-    switches : Lot, Switches or array-like
+    switches : Lot, Switches, Population or array-like
         With their own in `plate_area_um2`, or without.
     asked_um2 : float, optional
         What is asked for [µm²].
@@ -64,7 +64,7 @@ def plate_area_of(switches: object, asked_um2: float | None = None) -> float:
     """
     own: float | None = getattr(switches, "plate_area_um2", None)
     if own is None:
-        return PLATE_AREA_UM2 if asked_um2 is None else asked_um2
+        return PLATE_AREA_UM2 if asked_um2 is None else float(asked_um2)
     if asked_um2 is not None and not np.isclose(asked_um2, own, rtol=1e-9, atol=0.0):
         raise OtherAreaError(
             f"the plate area is given as {asked_um2:g} µm², and the switches are of a population of {own:g} µm²: "

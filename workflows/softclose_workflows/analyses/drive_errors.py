@@ -28,17 +28,33 @@ def tolerance(
     """A waveform under each error by itself, by default a usual set of them, on the certification's new switches."""
     check_fresh(n_switches, 1)
     chosen = choose(path, candidate)
+    wanted = errors or DEFAULT_ERRORS
+    return chosen, tolerance_of(
+        chosen, wanted, n_switches=n_switches, n_generators=n_generators, mapper=mapper, listener=listener
+    )
+
+
+def tolerance_of(
+    chosen: Chosen,
+    errors: Sequence[DriveError],
+    *,
+    n_switches: int,
+    n_generators: int = 64,
+    mapper: Mapper = here,
+    listener: Step | None = None,
+) -> list[DriveTolerance]:
+    """A chosen waveform under each error by itself, on the certification's new switches."""
     rows = drive_tolerance(
         fresh_switches(chosen.config, n_switches, seed=chosen.seed),
         chosen.waveform,
-        errors=errors or DEFAULT_ERRORS,
+        errors=errors,
         n_generators=n_generators,
         seed=chosen.seed,
         config=chosen.config,
         mapper=mapper,
         listener=listener,
     )
-    return chosen, list(rows)
+    return list(rows)
 
 
 def sensitivity(

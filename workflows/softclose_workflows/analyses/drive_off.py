@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from softclose.evaluate.pieces import Mapper, here
-from softclose.settings import CampaignConfig
 from softclose.uncertainty.tolerance import DriveError, DriveTolerance
-from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import Certification
-from softclose_workflows.analyses.drive_errors import tolerance
+from softclose_workflows.analyses.chosen import choose
+from softclose_workflows.analyses.drive_errors import tolerance_of
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import share, with_interval
@@ -32,12 +31,11 @@ def off_by_drive(path: str, result: Certification, *, mapper: Mapper = here) -> 
     path: of the store; result: its certification, whose first switches they are. mapper: whom to ask where the device
     model says that it takes longer than a cluster takes to start.
     """
+    chosen = choose(path, result.best.candidate)
     errors = [DriveError(gain=gain) for gain in GAINS]
     n = min(result.n_switches, MOST)
-    if (len(errors) + 1) * n * CampaignConfig.from_dict(open_campaign(path).config).seconds_a_switch < QUICK_S:
-        mapper = here
-    _, rows = tolerance(path, errors, candidate=result.best.candidate, n_switches=n, mapper=mapper)
-    return tuple(rows)
+    quick = (len(errors) + 1) * n * chosen.config.seconds_a_switch < QUICK_S
+    return tuple(tolerance_of(chosen, errors, n_switches=n, mapper=here if quick else mapper))
 
 
 def drive_off_to_json(rows: Sequence[DriveTolerance]) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from softclose.evaluate import draw
-from softclose.propose.led import GENERATION
+from softclose.propose.led import looks_of
 from softclose.propose.plan import SEARCH, plan
 from softclose.propose.prior import Prior, prior_config
 from softclose.propose.protocol import Problem
@@ -20,22 +20,21 @@ takes a second a switch is asked for three."""
 
 
 def prior_trajectories(config: CampaignConfig) -> int:
-    """Trajectories on the prior, at every temperature that it has: those of its descents, and what the process looks
-    at; 0 without one."""
+    """Trajectories on the prior, in every case that it has: those of its descents, and what the process looks at; 0
+    without one."""
     if not config.has_prior:
         return 0
     cheap = prior_config(config)
     led = sum(w.size for w in plan(Problem(config)) if w.stage == SEARCH and w.index > 0)
-    looks = max(round(config.prior.looks / GENERATION), 1) * GENERATION
     of_descents = sum(w.size * w.n_switches for w in plan(Problem(cheap)))
-    return max(cheap.temperature.worst_of, 1) * (of_descents + led * looks * config.prior.n_switches)
+    return cheap.n_cases * (of_descents + led * looks_of(config) * config.prior.n_switches)
 
 
 def switch_s(config: CampaignConfig, waveform: Waveform) -> float:
     """Time of one trajectory [s], sampled as the campaign stores it. Raises whatever the device model raises."""
     lot = draw(config, min(MOST_SWITCHES, config.n_switches_max), seed=config.campaign.seed)
-    cases = max(config.temperature.worst_of, 1)
-    return time_of_one(lambda n: compute_block(config, lot.rows(slice(n)), (rows_of(waveform),)), len(lot)) / cases
+    one = time_of_one(lambda n: compute_block(config, lot.rows(slice(n)), (rows_of(waveform),)), len(lot))
+    return one / config.n_cases
 
 
 def prior_switch_s(config: CampaignConfig, waveform: Waveform) -> float:
@@ -43,8 +42,7 @@ def prior_switch_s(config: CampaignConfig, waveform: Waveform) -> float:
     if not config.has_prior:
         return 0.0
     prior = Prior.of(config)
-    cases = max(prior.config.temperature.worst_of, 1)
-    return time_of_one(lambda n: prior.values([waveform], n), len(prior.lot)) / cases
+    return time_of_one(lambda n: prior.values([waveform], n), len(prior.lot)) / prior.config.n_cases
 
 
 def time_of_one(simulate: Callable[[int], object], most: int) -> float:

@@ -12,7 +12,8 @@ from typing import Any, cast
 import numpy as np
 
 from softclose.device.simulate import Responses
-from softclose.evaluate.quantities import Closing, Value, quantity
+from softclose.evaluate.chain import chain_of, drives_of
+from softclose.evaluate.quantities import Closing, Value, held_voltages, quantity
 from softclose.plugins import MEASURED
 from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certification import Certification
@@ -61,18 +62,24 @@ def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold
     if config.model.name == MEASURED:
         return ()
     lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
+    o, chain, margin = config.objective, chain_of(config), quantity(MARGIN)
     found = []
     for design in (certification.best, *certification.references):
-        response = cast(Responses, design.response)
-        everybody = design.candidate is None
-        closing = Closing.of(config, lot, design.waveform, response, for_everybody=everybody)
-        values = quantity(MARGIN).values(closing)
+        drives = drives_of(chain, lot, design.waveform, for_everybody=design.candidate is None)
+        closing = Closing(
+            chain=chain,
+            lot=lot,
+            waveform=design.waveform,
+            response=cast(Responses, design.response),
+            held_V=held_voltages(chain, lot, design.waveform, drives),
+        )
+        values = margin.values(closing)
         if np.isnan(values).all():
             continue
         found.append(
             Hold(
                 name=design.name,
-                margin_V=quantity(MARGIN).of(closing),
+                margin_V=margin.of_column(values, level=o.level, confidence=o.confidence, has_interval=True),
                 least_V=float(np.nanmin(values)),
                 held_V=float(closing.held_V.mean()),
             )

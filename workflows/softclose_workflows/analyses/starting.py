@@ -161,6 +161,5 @@ def explained(config: CampaignConfig) -> list[str]:
 
 
 def n_trajectories(config: CampaignConfig) -> int:
-    """Trajectories of all waves, at every temperature at which a switch is tried."""
-    cases = max(config.temperature.worst_of, 1)
-    return cases * sum(w.size * w.n_switches for w in plan(Problem(config)))
+    """Trajectories of all waves, in every case in which a switch is tried."""
+    return config.n_cases * sum(w.size * w.n_switches for w in plan(Problem(config)))

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import DamageError, GroupArray, StoreMissingError, faults, open_campaign, read_group, write_group
 from softclose_workflows.errors import Stopped
+from softclose_workflows.run.executors.protocol import Executor
 from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
 from softclose_workflows.run.records import padded_rows, unpadded
 from softclose_workflows.run.stopping import StopRequest
@@ -94,23 +95,6 @@ class Found:
         )
 
 
-class Workers(Protocol):
-    """What is used of an executor here, whose protocol knows the tasks of this module."""
-
-    @property
-    def n_workers(self) -> int:
-        """Workers connected now."""
-        ...
-
-    def submit(self, task: Any) -> None:
-        """Start one task."""
-        ...
-
-    def next_event(self, timeout_s: float) -> tuple[Any, Any] | None:
-        """The next finished task with its result or its failure; None after timeout_s."""
-        ...
-
-
 @dataclass(slots=True, eq=False)
 class PriorAtWork:
     """What `Problem` asks of a prior, by a campaign's own executor and store."""
@@ -118,7 +102,7 @@ class PriorAtWork:
     store: str
     config: CampaignConfig
     fingerprint: str
-    executor: Workers
+    executor: Executor
     stop: StopRequest
     receive: Callable[[tuple[Any, Any]], None]
     """Takes what comes back meanwhile: the blocks of waves that are in flight."""
