@@ -31,6 +31,30 @@ def problem_of(
     )
 
 
+def observation(index, waveform, g, *, wave=None, origin="sobol", n_switches=100, v_u=None, failed=False, **others):
+    """What is known of a candidate of this g, by which it is ranked; wave: by default one of its own."""
+    v_u = g if v_u is None else v_u
+    return Observation(
+        index=index,
+        wave=index if wave is None else wave,
+        waveform=waveform,
+        origin=origin,
+        n_switches=n_switches,
+        g_cm_s=g,
+        rank_cm_s=g,
+        v_u_cm_s=v_u,
+        mean_cm_s=v_u,
+        failed=failed,
+        **{"g_se_cm_s": 0.1, "p_nc": 0.0, "p_contact": 1.0} | others,
+    )
+
+
+def proposed(index, wave, proposal, g, **others):
+    """What is known of what was proposed."""
+    own = {"origin": proposal.origin, "n_switches": proposal.n_switches}
+    return observation(index, proposal.waveform, g, wave=wave, **own, **others)
+
+
 def observe(problem, wave, i, proposal, *, failed=False):
     """A smooth stand-in for the simulation: a bowl around 0.4 in the cube, in cm/s."""
     w = proposal.waveform
@@ -40,21 +64,8 @@ def observe(problem, wave, i, proposal, *, failed=False):
     except ValueError:
         g = 85.0
     g = math.nan if failed else g
-    return Observation(
-        index=i,
-        wave=wave.index,
-        waveform=w,
-        origin=proposal.origin,
-        n_switches=proposal.n_switches,
-        g_cm_s=g,
-        g_se_cm_s=0.5,
-        rank_cm_s=g,
-        v_u_cm_s=g,
-        mean_cm_s=g,
-        p_nc=0.0,
-        p_contact=min(1.0, w.pulses[0].peak_us / 10.0),
-        failed=failed,
-    )
+    touching = min(1.0, w.pulses[0].peak_us / 10.0)
+    return proposed(i, wave.index, proposal, g, g_se_cm_s=0.5, p_contact=touching, failed=failed)
 
 
 def with_g(o, g, **others):

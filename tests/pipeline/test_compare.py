@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
+import bowl
 from softclose.propose.protocol import Observation, Problem, Proposal
 from softclose.propose.side_by_side import best_so_far, compare_engines, run_engine
 from softclose.propose.sobol import initial_point
@@ -28,21 +29,8 @@ class Recorder:
 
 
 def observation(index: int, g: float, n_switches: int, *, failed: bool = False) -> Observation:
-    return Observation(
-        index=index,
-        wave=index,
-        waveform=Waveform.from_rows([(0.0, 4.0, float("inf"), 100.0)]),
-        origin="sobol",
-        n_switches=n_switches,
-        g_cm_s=g,
-        g_se_cm_s=0.1,
-        rank_cm_s=g,
-        v_u_cm_s=g,
-        mean_cm_s=g,
-        p_nc=0.0,
-        p_contact=1.0,
-        failed=failed,
-    )
+    waveform = Waveform.from_rows([(0.0, 4.0, float("inf"), 100.0)])
+    return bowl.observation(index, waveform, g, n_switches=n_switches, failed=failed)
 
 
 @pytest.mark.parametrize("lag", [1, 3])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bowl import observation
 from softclose.propose import dependence
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.protocol import Observation, Problem
@@ -26,23 +27,7 @@ def history(of: Problem, n: int = 60) -> list[Observation]:
         waveform = of.space.waveform(point)
         at = of.space.coordinates_of(waveform)[j]
         g = 20.0 + 40.0 * (at - 0.6) ** 2
-        found.append(
-            Observation(
-                index=i,
-                wave=i,
-                waveform=waveform,
-                origin="sobol",
-                n_switches=100,
-                g_cm_s=g,
-                g_se_cm_s=0.1,
-                rank_cm_s=g,
-                v_u_cm_s=g,
-                mean_cm_s=g,
-                p_nc=0.0,
-                p_contact=1.0,
-                failed=False,
-            )
-        )
+        found.append(observation(i, waveform, g))
     return found
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bowl import proposed
 from softclose.metrics.ranking import BEYOND_CM_S
 from softclose.propose.parego import AUGMENTED, SLICES, scaled_values, tchebycheff, weights
 from softclose.propose.plan import plan
@@ -32,21 +33,7 @@ def problem_of(budget: int, **optimiser: Any) -> Problem:
 
 def observed(index: int, wave: int, p: Any, v_u: float, p_nc: float, *, failed: bool = False) -> Observation:
     g = math.nan if failed else v_u + 25.0 * p_nc
-    return Observation(
-        index=index,
-        wave=wave,
-        waveform=p.waveform,
-        origin=p.origin,
-        n_switches=p.n_switches,
-        g_cm_s=g,
-        rank_cm_s=g,
-        g_se_cm_s=0.1,
-        v_u_cm_s=v_u,
-        mean_cm_s=v_u,
-        p_nc=p_nc,
-        p_contact=1.0,
-        failed=failed,
-    )
+    return proposed(index, wave, p, g, v_u=v_u, p_nc=p_nc, failed=failed)
 
 
 def run(problem: Problem, *, failing: frozenset[int] = frozenset()) -> list[Observation]:

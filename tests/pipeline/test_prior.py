@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
+from bowl import proposed
 from examples import examples
 from softclose.device.protocol import CannotSimulate
 from softclose.evaluate import draw, respond
@@ -96,24 +97,7 @@ def campaign(config, help_, middle=0.45, failing=()):
         for i, p in enumerate(proposer.from_history(wave, history), start=wave.start):
             proposals.append(p)
             g = math.nan if i in failing else 2.0 + float(truth.values([p.waveform]).g_cm_s[0])
-            history.append(
-                Observation(
-                    index=i,
-                    wave=wave.index,
-                    waveform=p.waveform,
-                    origin=p.origin,
-                    n_switches=p.n_switches,
-                    g_cm_s=g,
-                    rank_cm_s=g,
-                    g_se_cm_s=0.1,
-                    v_u_cm_s=g,
-                    mean_cm_s=g,
-                    p_nc=0.0,
-                    p_contact=1.0,
-                    failed=math.isnan(g),
-                    beliefs=p.surrogate,
-                )
-            )
+            history.append(proposed(i, wave.index, p, g, failed=math.isnan(g), beliefs=p.surrogate))
     return problem, history, proposals
 
 

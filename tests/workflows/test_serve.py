@@ -182,6 +182,21 @@ def test_the_command_says_where_it_is_and_ends_with_ctrl_c(tmp_path: Path) -> No
     assert softclose("serve", str(tmp_path / "none")).returncode == 2
 
 
+def opened(playwright: Any, profile: Path, server: Server, *, width: int, theme: str) -> tuple[Any, Visit]:
+    """A browser with a profile of its own, at the live page."""
+    browser = playwright.chromium.launch_persistent_context(
+        profile,
+        executable_path=chromium(),
+        headless=True,
+        args=ARGUMENTS,
+        viewport={"width": width, "height": 800},
+        color_scheme=theme,
+    )
+    visit = Visit(browser.pages[0])
+    visit.page.goto(server.address)
+    return browser, visit
+
+
 @pytest.mark.skipif(chromium() is None, reason="needs chromium, which is not installed")
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_the_page_follows_a_campaign_in_a_browser(theme: str, server: Server, tmp_path: Path) -> None:
@@ -189,16 +204,7 @@ def test_the_page_follows_a_campaign_in_a_browser(theme: str, server: Server, tm
     shutil.copytree(hostile_store(), tmp_path / "hostile.zarr")
     path = Path(make_campaign(tmp_path / "night.zarr", *COARSE, run=False))
     with playwright.sync_playwright() as p:
-        browser = p.chromium.launch_persistent_context(
-            tmp_path.parent / f"profile-{theme}",
-            executable_path=chromium(),
-            headless=True,
-            args=ARGUMENTS,
-            viewport={"width": 390, "height": 800},
-            color_scheme=theme,
-        )
-        visit = Visit(browser.pages[0])
-        visit.page.goto(server.address)
+        browser, visit = opened(p, tmp_path.parent / f"profile-{theme}", server, width=390, theme=theme)
         visit.until("() => document.querySelectorAll('.campaign').length === 2")
         assert visit.page.inner_text("[data-store='hostile.zarr'] .lead") == HOSTILE
         assert visit.page.get_attribute("[data-store='night.zarr']", "data-committed") == "0"
@@ -245,16 +251,7 @@ def test_many_campaigns_are_a_table_with_those_that_run_first_and_a_filter(
     certify(str(tmp_path / "run-2.zarr"), n_switches=300, top=1)
     growing = make_campaign(tmp_path / "run-9.zarr", *COARSE, run=False)
     with playwright.sync_playwright() as p, DriverStore(growing):
-        browser = p.chromium.launch_persistent_context(
-            tmp_path.parent / f"profile-table-{theme}",
-            executable_path=chromium(),
-            headless=True,
-            args=ARGUMENTS,
-            viewport={"width": 1280, "height": 800},
-            color_scheme=theme,
-        )
-        visit = Visit(browser.pages[0])
-        visit.page.goto(server.address)
+        browser, visit = opened(p, tmp_path.parent / f"profile-table-{theme}", server, width=1280, theme=theme)
         rows = "() => [...document.querySelectorAll('.campaigns tbody tr')].map(r => r.dataset.store)"
         visit.until(f"() => ({rows})().length === 5")
         order = ["run-9.zarr", "run-1.zarr", "run-2.zarr", "run-10.zarr", "run-11.zarr"]
