@@ -18,8 +18,6 @@ from softclose.population.files import write_population
 from softclose.population.measurements import read_measurements, write_synthetic
 from softclose.settings import load_config
 from softclose.switch.plate import stiffness
-from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
-from softclose.waveform import Waveform
 
 
 def correlated(*pairs):
@@ -98,11 +96,6 @@ def test_calibration_hands_on_the_correlation_that_it_finds(tmp_path):
     assert load_population(tmp_path / "p.toml").correlation == found.population.correlation
     write_synthetic(load_population("current"), tmp_path / "n.csv", n=400, seed=2)
     assert calibrate(read_measurements(tmp_path / "n.csv"), n_bootstrap=20).population.correlation == ()
-
-
-def test_shares_of_variance_are_refused_for_correlated_parameters():
-    with pytest.raises(SensitivityError, match="correlated parameters, of which variance has no shares"):
-        sensitivity(correlated(("E", "T", 0.5)), Waveform.from_rows([(0.0, 4.0, None, 100.0)]), n=64)
 
 
 @pytest.mark.parametrize(
