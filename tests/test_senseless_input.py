@@ -16,10 +16,12 @@ from hypothesis import strategies as st
 
 from examples import examples
 from softclose import Pulse, Waveform, load_population, simulate
+from softclose.allowed.tables import checked
 from softclose.device.simulate import SimulationError
 from softclose.metrics.objective import ObjectiveError, assess
 from softclose.population import PopulationError
-from softclose.population.files import SHIPPED
+from softclose.population.described import PopulationFile
+from softclose.population.files import SHIPPED, built
 from softclose.population.lot import Lot
 from softclose.population.population import Population
 from softclose.presets import FOLDER
@@ -66,14 +68,13 @@ def test_a_model_of_modes_is_read_or_refused(data: st.DataObject) -> None:
 @settings(max_examples=examples(400), suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())
 def test_a_population_is_read_or_refused(data: st.DataObject) -> None:
-    from softclose.population.files import _build
-
     shipped = resources.files("softclose.population") / "shipped"
     table = tomllib.loads((shipped / f"{data.draw(st.sampled_from(sorted(SHIPPED)))}.toml").read_text("utf-8"))
     table.pop("base", None)
     at = data.draw(st.sampled_from(list(_places(table))))
     try:
-        assert isinstance(_build(_with(table, at, data.draw(SENSELESS)), load_population("current")), Population)
+        file = checked(PopulationFile, _with(table, at, data.draw(SENSELESS)), PopulationError)
+        assert isinstance(built(file, load_population("current")), Population)
     except PopulationError as e:
         assert len(str(e)) < 2000  # noqa: PT017
 

@@ -22,3 +22,9 @@ def unknown_name(what: str, name: str, known: Iterable[str], key: str) -> str:
     """`no engine named 'skop'; did you mean 'skopt'? Known: skopt, sobol (optimiser.engine)`."""
     names = list(known)
     return f"no {what} named {name!r}; {did_you_mean(name, names)}Known: {', '.join(names)} ({key})"
+
+
+def unknown_key(key: str, known: Iterable[str]) -> str:
+    """`unknown key 'lowr'; did you mean 'lower'? known: distribution, lower, upper`."""
+    names = list(known)
+    return f"unknown key {key[:80]!r}; {did_you_mean(key, names)}known: {', '.join(names)}"

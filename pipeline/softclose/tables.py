@@ -1,15 +1,13 @@
-"""Owns how a user's TOML is read: whole and bounded, known keys, finite numbers, each with the reader's own error."""
+"""Owns how a user's TOML is read, whole and bounded, with the reader's own error, and how TOML is written."""
 
 from __future__ import annotations
 
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-from softclose.naming import did_you_mean
 
 MOST_BYTES = 4 * 2**20
 """A larger file is no settings: what an empirical lot of thousands of devices needs is a tenth of it."""
@@ -72,25 +70,6 @@ def _check_integers(value: Any, where: str, error: type[ValueError]) -> None:
             )
 
 
-def finite_number(key: str, value: Any, error: type[ValueError]) -> float:
-    """The value as a float; raises `error` where it is none, or not finite."""
-    try:
-        finite = not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
-    except OverflowError as e:
-        raise error(f"{key} is an integer that no float can hold; it must be a finite number") from e
-    if not finite:
-        raise error(f"{key} is {value!r}; it must be a finite number")
-    return float(value)
-
-
-def check_keys(keys: Iterable[str], allowed: Iterable[str], where: str, error: type[ValueError]) -> None:
-    """Raise `error`, naming the nearest one, for a key that is not allowed; where: how the message begins."""
-    allowed = tuple(allowed)
-    for key in keys:
-        if key not in allowed:
-            raise error(f"{where}unknown key {key!r}; {did_you_mean(key, allowed)}known: {', '.join(allowed)}")
-
-
 def toml_text(tables: Mapping[str, Any]) -> str:
     """TOML that reads as these tables: numbers, texts, lists, tables, lists of tables. What is None is left out."""
     return "\n".join(_lines_of(tables, "")).lstrip("\n") + "\n"
@@ -99,7 +78,7 @@ def toml_text(tables: Mapping[str, Any]) -> str:
 def _lines_of(table: Mapping[str, Any], where: str) -> list[str]:
     given = {k: v for k, v in table.items() if v is not None}
     tables = {k: v for k, v in given.items() if isinstance(v, Mapping) or _is_tables(v)}
-    lines = [f"{k} = {_toml_value(v)}" for k, v in given.items() if k not in tables]
+    lines = [f"{k} = {toml_value(v)}" for k, v in given.items() if k not in tables]
     for key, value in tables.items():
         path = f"{where}{key}"
         if isinstance(value, Mapping):
@@ -114,13 +93,14 @@ def _is_tables(value: Any) -> bool:
     return isinstance(value, list | tuple) and bool(value) and all(isinstance(v, Mapping) for v in value)
 
 
-def _toml_value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """A number, a text, or a list of them in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return toml_string(value)
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
+        return "[" + ", ".join(map(toml_value, value)) + "]"
     if isinstance(value, float) and math.isinf(value):
         return "inf" if value > 0.0 else "-inf"
     return repr(value)

@@ -126,7 +126,7 @@ def test_it_is_read_back_from_its_file_from_a_store_and_by_a_base(tmp_path: Path
         ('K = "D * E"\nM = "T"', "names D"),
         ('K = "E *"\nM = "T"', "is no formula"),
         ('K = "__import__(\'os\').getcwd()"\nM = "T"', "is no formula"),
-        ('K = "E"\n', r"M is None; it must be a formula in quotes"),
+        ('K = "E"\n', r"M is missing; it must be a formula in quotes"),
         ('K = 3\nM = "T"', "K is 3; it must be a formula"),
         ('K = "E * (T - 2)"\nM = "T"', r"is -\d.* at G .* T 1.9 µm; it must be above 0"),
         ('K = "log(0 * E)"\nM = "T"', "is -inf at"),

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 from scipy import stats
 
 from softclose import Population, load_population
 from softclose.evaluate import draw
 from softclose.population.distributions import Bounded, PopulationError
 from softclose.population.files import write_population
-from softclose.population.marginals import Empirical, Truncated, marginal_from_dict
+from softclose.population.marginals import Empirical, Marginal, Truncated
 from softclose.settings import load_config
 
 P = np.linspace(0.0, 1.0, 401)
@@ -127,7 +128,7 @@ def test_only_what_was_moved_says_so() -> None:
     assert set(b.to_dict()) == {"kind", "location", "scale", "low", "high"}
     assert b.shift_mean(0.3).to_dict()["factor"] == pytest.approx(1.1)
     for moved in (b.shift_mean(0.3), b.scale_spread(0.5)):
-        assert marginal_from_dict(moved.to_dict()) == moved
+        assert TypeAdapter(Marginal).validate_python(moved.to_dict()) == moved
 
 
 OWN = """
@@ -179,7 +180,7 @@ def test_a_file_is_read_written_and_read_as_the_same_population(own: Path, tmp_p
     assert Population.from_dict(population.to_dict()) == population
     for v in "DGET":
         b = getattr(population, v)
-        assert marginal_from_dict(b.to_dict()) == b
+        assert TypeAdapter(Marginal).validate_python(b.to_dict()) == b
 
 
 def test_an_ensemble_has_the_distributions_and_the_correlation(own: Path) -> None:

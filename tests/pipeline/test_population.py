@@ -304,7 +304,7 @@ def test_shipped_names_are_their_files_names() -> None:
 
 @pytest.mark.parametrize("area", [0.0, -1.0, math.inf, math.nan])
 def test_a_plate_area_that_is_none_is_refused(area: float) -> None:
-    with pytest.raises(PopulationError, match=r"plate_area_um2 is .*; it must be above 0 µm²"):
+    with pytest.raises(PopulationError, match=r"plate_area_um2 is .*; it must be a finite number above 0 µm²"):
         replace(load_population("current"), plate_area_um2=area)
 
 

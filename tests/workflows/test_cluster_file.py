@@ -82,15 +82,15 @@ def test_workers_end_before_the_walltime(walltime: str, lifetime: tuple[int, int
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"jobs": 0}, "cluster.jobs is 0; it must be a whole number of 1 or more"),
-        ({"cores": "four"}, "cluster.cores is 'four'"),
+        ({"jobs": 0}, "[cluster] jobs is 0; it must be a whole number of 1 or more"),
+        ({"cores": "four"}, "[cluster] cores is 'four'"),
         ({"scheduler": "slrum"}, "did you mean 'slurm'?"),
-        ({"wait_s": 0}, "cluster.wait_s is 0"),
+        ({"wait_s": 0}, "[cluster] wait_s is 0"),
         ({"qeueu": "a"}, "unknown key 'qeueu'; did you mean 'queue'?"),
         ({"walltime": "2 h"}, "hours:minutes:seconds"),
         ({"walltime": "00:01:00"}, "workers need more than 60 s"),
-        ({"prologue": "module load"}, "cluster.prologue is 'module load'"),
-        ({"tls": "yes"}, "cluster.tls is 'yes'; it must be true or false"),
+        ({"prologue": "module load"}, "[cluster] prologue is 'module load'"),
+        ({"tls": "yes"}, "[cluster] tls is 'yes'; it must be true or false"),
     ],
 )
 def test_what_is_not_allowed_is_named(values: dict[str, object], said: str) -> None:
@@ -115,7 +115,7 @@ def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
         load_cluster(str(tmp_path / "none.toml"))
     broken = tmp_path / "broken.toml"
     broken.write_text("jobs = 0\n")
-    with pytest.raises(ConfigError, match=r"broken\.toml: cluster\.jobs is 0"):
+    with pytest.raises(ConfigError, match=r"broken\.toml: \[cluster\] jobs is 0"):
         load_cluster(str(broken))
 
 

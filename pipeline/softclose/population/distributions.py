@@ -9,39 +9,44 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from softclose.allowed.tables import TABLE, Number, refuses_with
 
 FloatArray = NDArray[np.float64]
 
 _N_NODES = 40  # Gauss quadrature; E[M] of the widest population agrees with 200 nodes to the last bit
 
 
+Area = Annotated[Number, Field(gt=0)]
+"""Of a plate [µm²]."""
+
+
 class PopulationError(ValueError):
     """A population, or a file describing one, that is malformed or unphysical."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@refuses_with(PopulationError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Bounded:
     """Beta(alpha, beta) stretched over [lower, upper]."""
 
-    lower: float
+    lower: Number
     """Smallest possible value, in the parameter's unit."""
-    upper: float
+    upper: Number
     """Largest possible value; equal to `lower` for a fixed value."""
-    alpha: float = 1.0
+    alpha: Number = 1.0
     """First shape parameter, above 0."""
-    beta: float = 1.0
+    beta: Number = 1.0
     """Second shape parameter, above 0."""
 
     def __post_init__(self) -> None:
-        for name in ("lower", "upper", "alpha", "beta"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise PopulationError(f"{name} is {value!r}; it must be a finite number")
-            object.__setattr__(self, name, float(value))
         if self.upper < self.lower:
             raise PopulationError(f"upper is {self.upper:g}, below lower, {self.lower:g}; exchange them")
         if self.alpha <= 0.0 or self.beta <= 0.0:

@@ -6,16 +6,18 @@ import keyword
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+from pydantic.dataclasses import dataclass
 
+from softclose.allowed.refusal import Said
+from softclose.allowed.tables import TABLE, Number, checked, refuses_with
 from softclose.population.distributions import PopulationError
 from softclose.population.expression import FUNCTIONS, Expression, ExpressionError, parsed
 from softclose.population.laws import Law
-from softclose.tables import finite_number
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +26,23 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TAKEN = frozenset({*_INPUTS, "D", "K", "M", "pi", *FUNCTIONS, *keyword.kwlist})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+Text = Annotated[str, Said('a formula in quotes, such as "1e3 * E * W * T**3 / (4 * L**3)"')]
+
+
+class LawTable(BaseModel):
+    """`[law]` of a file: two formulas, and the constants that they use."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    __pydantic_extra__: dict[str, Number]
+
+    K: Text
+    """Stiffness [N/m]."""
+    M: Text
+    """Mass [µg]."""
+
+
+@refuses_with(PopulationError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Formula:
     """Stiffness and mass of a switch in the place of Eqs. 4 and 6.
 
@@ -32,21 +50,20 @@ class Formula:
     brackets, sqrt, exp, log, where and the like, and nothing else.
     """
 
-    K: str
+    K: Text
     """Stiffness [N/m]."""
-    M: str
+    M: Text
     """Mass [µg]."""
-    constants: tuple[tuple[str, float], ...] = ()
+    constants: tuple[tuple[str, Number], ...] = ()
     """Names that the formulas use, such as a length [µm], and their values."""
 
     def __post_init__(self) -> None:
-        for name, value in self.constants:
+        for name, _ in self.constants:
             if not _NAME.fullmatch(name) or name in _TAKEN:
                 raise PopulationError(
                     f"[law] cannot have a constant called {name!r}; a name is made of letters A to z, digits and _, "
                     "and D, G, E, T, K, M, pi, the functions and Python's own words are taken"
                 )
-            finite_number(f"[law] {name}", value, PopulationError)
         known = {*_INPUTS, "pi", *(name for name, _ in self.constants)}
         for which, text in (("K", self.K), ("M", self.M)):
             unknown = sorted(_parsed(which, text).names - known)
@@ -85,14 +102,12 @@ class Formula:
     @classmethod
     def from_dict(cls, table: Mapping[str, Any]) -> Formula:
         """Inverse of `to_dict`, and the reader of a file's [law]. Raises PopulationError."""
-        for which in ("K", "M"):
-            if not isinstance(table.get(which), str):
-                raise PopulationError(
-                    f"[law] {which} is {table.get(which)!r}; it must be a formula in quotes, such as "
-                    '"1e3 * E * W * T**3 / (4 * L**3)"'
-                )
-        constants = tuple((str(n), v) for n, v in table.items() if n not in ("K", "M"))
-        return cls(K=table["K"], M=table["M"], constants=constants)
+        return cls.of(checked(LawTable, table, PopulationError, "[law] "))
+
+    @classmethod
+    def of(cls, law: LawTable) -> Formula:
+        """The formulas of a table whose types are right."""
+        return cls(K=law.K, M=law.M, constants=tuple((law.__pydantic_extra__ or {}).items()))
 
 
 def _parsed(which: str, text: str) -> Expression:

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Discriminator, Tag
+from pydantic.dataclasses import dataclass
 
+from softclose.allowed.refusal import Said
+from softclose.allowed.tables import TABLE, Number, refuses_with
 from softclose.population.distributions import Bounded, FloatArray, PopulationError, check_repeatability, mean_scale
 
 Parent = Literal["normal", "lognormal"]
@@ -21,38 +25,34 @@ Parent = Literal["normal", "lognormal"]
 FEWEST_DEVICES = 5
 """Fewer devices are no distribution."""
 
+Values = Annotated[tuple[Number, ...], Said("a list of finite numbers, one a device")]
+
 _N_NODES = 400
 _MOST_SIGMAS = 8.0
 """Truncated further out, a distribution is not truncated: Φ(-8) is 6e-16."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@refuses_with(PopulationError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Truncated:
     """Y = offset + factor X, with X normal or lognormal and within [low, high]."""
 
     kind: Parent
     """Distribution of X before it is truncated."""
-    location: float
+    location: Number
     """Mean of X, or of its logarithm, before truncation."""
-    scale: float
+    scale: Number
     """Standard deviation of X, or of its logarithm, before truncation; above 0."""
-    low: float
+    low: Number
     """Smallest X."""
-    high: float
+    high: Number
     """Largest X."""
-    offset: float = 0.0
+    offset: Number = 0.0
     """What Eq. 15 adds."""
-    factor: float = 1.0
+    factor: Number = 1.0
     """What Eqs. 14 and 15 multiply by."""
 
     def __post_init__(self) -> None:
-        for name in ("location", "scale", "low", "high", "offset", "factor"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise PopulationError(f"{name} is {value!r}; it must be a finite number")
-            object.__setattr__(self, name, float(value))
-        if self.kind not in ("normal", "lognormal"):
-            raise PopulationError(f"kind is {self.kind!r}; it must be normal or lognormal")
         if not self.scale > 0.0:
             raise PopulationError(f"scale is {self.scale:g}; it must be above 0 (a value without spread is fixed)")
         if not self.low < self.high:
@@ -167,23 +167,20 @@ class Truncated:
         return replace(self, offset=self.mean * (1.0 - factor) + factor * self.offset, factor=factor * self.factor)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@refuses_with(PopulationError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Empirical:
     """A lot's own devices: each measured value as likely as every other."""
 
-    values: tuple[float, ...]
+    values: Values
     """Measured values, in any order."""
 
     def __post_init__(self) -> None:
-        try:
-            values = tuple(sorted(float(v) for v in self.values))
-        except (TypeError, ValueError) as e:
-            raise PopulationError(f"values is {self.values!r}; it must be a list of numbers, one a device") from e
-        if len(values) < FEWEST_DEVICES or not all(math.isfinite(v) for v in values):
+        if len(self.values) < FEWEST_DEVICES:
             raise PopulationError(
-                f"values has {len(values)} devices; {FEWEST_DEVICES} finite ones at least make a distribution"
+                f"values has {len(self.values)} devices; {FEWEST_DEVICES} finite ones at least make a distribution"
             )
-        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "values", tuple(sorted(self.values)))
 
     def to_dict(self) -> dict[str, Any]:
         """Keyword arguments that make an equal distribution."""
@@ -236,16 +233,20 @@ class Empirical:
         return Empirical(values=tuple(self.mean * (1.0 - factor) + factor * v for v in self.values))
 
 
-Marginal = Bounded | Truncated | Empirical
+def _form(marginal: object) -> str:
+    """Which of the three a distribution is, or its `to_dict`."""
+    if isinstance(marginal, Mapping):
+        return "Empirical" if "values" in marginal else "Truncated" if "kind" in marginal else "Bounded"
+    return type(marginal).__name__
+
+
+Marginal = Annotated[
+    Annotated[Bounded, Tag("Bounded")]
+    | Annotated[Truncated, Tag("Truncated")]
+    | Annotated[Empirical, Tag("Empirical")],
+    Discriminator(_form),
+]
 """Distribution of one parameter."""
-
-
-def marginal_from_dict(data: Mapping[str, Any]) -> Marginal:
-    """Inverse of their `to_dict`."""
-    if "values" in data:
-        values: Sequence[float] = data["values"]
-        return Empirical(values=tuple(values))
-    return Truncated(**data) if "kind" in data else Bounded(**data)
 
 
 @functools.cache

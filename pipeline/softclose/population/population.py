@@ -8,21 +8,23 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic.dataclasses import dataclass
 
+from softclose.allowed.tables import TABLE, checked, refuses_with
 from softclose.glance import as_table, as_text
 from softclose.metrics.replicates import REPLICATES
 from softclose.population import copula
 from softclose.population.copula import Correlation
-from softclose.population.distributions import PopulationError, portable
+from softclose.population.distributions import Area, PopulationError, portable
 from softclose.population.formula import Formula
 from softclose.population.laws import LAWS, Law
 from softclose.population.laws import UNITS as UNITS
-from softclose.population.marginals import Marginal, marginal_from_dict
+from softclose.population.marginals import Marginal
 from softclose.population.nets import MOST_POINTS, scrambled_sobol
 from softclose.switch.plate import A1, OtherAreaError, Switches, mass, plate_area_of, pull_in_voltage, stiffness
 
@@ -34,7 +36,8 @@ VARIABLES = ("D", "G", "E", "T")
 _N_MOMENTS = 2**14
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@refuses_with(PopulationError)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False, config=TABLE)
 class Population:
     """Joint distribution of the parameters of a switch."""
 
@@ -58,7 +61,7 @@ class Population:
     """Pull-in voltage [V], with f: K follows from it and G by Eq. 3."""
     description: str = ""
     """One sentence for people."""
-    plate_area_um2: float | None = None
+    plate_area_um2: Area | None = None
     """Plate area [µm²] under which E was inferred from pull-in voltages; None: E rests on no area."""
     correlation: tuple[Correlation, ...] = ()
     """Rank correlations of pairs of variables, in a Gaussian copula; pairs that are not named are independent."""
@@ -72,11 +75,8 @@ class Population:
             raise PopulationError(f"a lot has {', '.join(given) or 'nothing'} beside D and G; give one pair of {pairs}")
         if self.formula is not None and set(given) != {"E", "T"}:
             raise PopulationError(f"[law] says how K and M follow from E and T, and the lot has {' and '.join(given)}")
-        area = self.plate_area_um2
-        if self.law.rests_on_area and area is None:
+        if self.law.rests_on_area and self.plate_area_um2 is None:
             raise PopulationError("K follows from U_pi by the plate's area: give plate_area_um2")
-        if area is not None and not 0.0 < area < np.inf:
-            raise PopulationError(f"plate_area_um2 is {area:g}; it must be above 0 µm²")
         for variable in self.variables:
             lower = getattr(self, variable).lower
             if lower <= 0.0:
@@ -412,23 +412,12 @@ class Population:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Population:
         """Inverse of `to_dict`. Raises PopulationError where it is no such dictionary."""
+        if isinstance(data, Mapping) and "law" in data:
+            data = {key: v for key, v in data.items() if key != "law"} | {"formula": Formula.from_dict(data["law"])}
         try:
-            marginals = {v: marginal_from_dict(data[v]) for v in UNITS if v in data}
-            area = data.get("plate_area_um2")
-            return cls(
-                name=str(data["name"]),
-                description=str(data.get("description", "")),
-                plate_area_um2=None if area is None else float(area),
-                correlation=tuple((str(a), str(b), float(rho)) for a, b, rho in data.get("correlation", ())),
-                formula=Formula.from_dict(data["law"]) if "law" in data else None,
-                **marginals,
-            )
-        except (KeyError, TypeError, ValueError) as e:
-            if isinstance(e, PopulationError):
-                raise
-            raise PopulationError(
-                f"this is not a stored population ({e!r}): it needs name, D, G, and E and T or another pair"
-            ) from e
+            return checked(cls, data, PopulationError)
+        except PopulationError as e:
+            raise PopulationError(f"this is not a stored population: {e}") from e
 
 
 def switches_from_parameters(parameters: ArrayLike) -> FloatArray:

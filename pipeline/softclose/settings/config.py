@@ -13,7 +13,8 @@ from typing import Any, Self
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
-from softclose.allowed.refusal import refusal
+from softclose.allowed.refusal import refusal, shown
+from softclose.allowed.tables import MOST_PROBLEMS, listed
 from softclose.allowed.types import (
     MAX_COUNT,
     MAX_HORIZON_US,
@@ -451,66 +452,37 @@ _SECTIONS = (
 )
 
 
-MOST_PROBLEMS = 20
-"""Of one configuration that are told."""
-
-
 def validated(data: Mapping[str, Any]) -> CampaignConfig:
     if not isinstance(data, Mapping):
         raise ConfigError(f"{data!r} is no configuration; give a mapping of sections")
-    _refuse_unknown(data)
     try:
         return TypeAdapter(CampaignConfig).validate_python(dict(data))
     except ValidationError as e:
         errors = e.errors(include_url=False)
         problems = [_problem(x["loc"], x["type"], x["input"], x["msg"]) for x in errors[:MOST_PROBLEMS]]
-        raise ConfigError(_listed(problems, len(errors))) from e
+        raise ConfigError(listed(problems, len(errors))) from e
 
 
 def _problem(place: tuple[int | str, ...], kind: str, got: Any, said: str) -> str:
     """One problem in this project's words; a check of our own says everything already."""
     if kind == "value_error":
         return said.removeprefix("Value error, ")
-    kinds = {f.name: f.type for f in fields(CampaignConfig)}
-    section = next((cls for cls in _SECTIONS if cls.__name__ == kinds[str(place[0])]), None)
-    if section is None or len(place) < 2:
-        return f"{'.'.join(map(str, place))} is {got!r}; it must be a table of keys"
-    return refusal(section, str(place[1]), got, place)
-
-
-def _refuse_unknown(data: Mapping[str, Any]) -> None:
-    known = known_keys()
-    problems: list[str] = []
-    n = 0
-    for section, table in data.items():
-        if section in WRITTEN_OUT:
-            continue
-        if len(problems) >= MOST_PROBLEMS:
-            n += 1
-            continue
-        if section not in known:
-            problems.append(_unknown("section", section, known))
-        elif not isinstance(table, Mapping):
-            problems.append(f"{section} is {table!r}; it must be a table of keys: {', '.join(known[section])}")
-        else:
-            unknown = [key for key in table if key not in known[section]]
-            problems += [
-                _unknown("key", f"{section}.{key}", [f"{s}.{k}" for s, ks in known.items() for k in ks])
-                for key in unknown[:MOST_PROBLEMS]
-            ]
-            n += len(unknown[MOST_PROBLEMS:])
-    if problems:
-        raise ConfigError(_listed(problems, len(problems) + n))
-
-
-def _listed(problems: list[str], n: int) -> str:
-    """The first problems, a line each; what follows is mostly the first one's consequence."""
-    shown = problems[:MOST_PROBLEMS]
-    return "\n".join([*shown, *([f"and {n - len(shown):,} problems more"] if n > len(shown) else [])])
+    known, name = known_keys(), ".".join(map(str, place))
+    section = str(place[0])
+    if section not in known and section not in WRITTEN_OUT:
+        return _unknown("section", section, known)
+    cls = next((cls for cls in _SECTIONS if cls.__name__ == str(CampaignConfig.__annotations__[section])), None)
+    if cls is None:
+        return f"{name} is {shown(got)}; it must be a table of keys"
+    if len(place) < 2:
+        return f"{name} is {shown(got)}; it must be a table of keys: {', '.join(known[section])}"
+    if place[1] not in known[section]:
+        return _unknown("key", f"{section}.{place[1]}", [f"{s}.{k}" for s, ks in known.items() for k in ks])
+    return refusal(cls, str(place[1]), got, name, place[2:])
 
 
 def _unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
     allowed = list(allowed)
-    close = nearest(name, allowed)
+    close = nearest(name[:80], allowed)
     hint = f"did you mean {close}?" if close else f"known: {', '.join(allowed)}"
-    return f"unknown {kind} {name}; {hint}"
+    return f"unknown {kind} {name[:80]}; {hint}"

@@ -11,16 +11,20 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
+from pydantic.dataclasses import dataclass
 
+from softclose.allowed.refusal import Said
+from softclose.allowed.tables import TABLE, Number, checked, refuses_with
 from softclose.switch.losses import LEAST_Q
-from softclose.tables import at_home, check_keys, finite_number, read_tables
+from softclose.tables import at_home, read_tables
 
 FloatArray = NDArray[np.float64]
 
@@ -36,38 +40,90 @@ class ReducedOrderError(ValueError):
     """A reduced-order model that cannot be used."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+def _damped(quality_factor: float) -> float:
+    if 0.0 < quality_factor < LEAST_Q:
+        raise ReducedOrderError(
+            f"quality_factor is {quality_factor:g}; it must be 0 (no damping) or from {LEAST_Q:g} to 1e+09"
+        )
+    return quality_factor
+
+
+Numbers = Annotated[tuple[Number, ...], Said("a list of finite numbers")]
+Quality = Annotated[
+    Number,
+    Field(ge=0, le=1e9),
+    AfterValidator(_damped),
+    Said(f"0 (no damping) or from {LEAST_Q:g} to 1e+09"),
+]
+Participation = Annotated[Number, Field(ge=-1e6, le=1e6)]
+
+
+@refuses_with(ReducedOrderError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Mode:
     """One mode, in any normalisation of its shape."""
 
-    frequency_kHz: float
+    frequency_kHz: Annotated[Number, Field(ge=1e-3, le=1e6)]
     """Natural frequency [kHz]."""
-    mass_ug: float = 1.0
+    mass_ug: Annotated[Number, Field(ge=1e-9, le=1e12)] = 1.0
     """Modal mass [µg], of the shape whose values are `contact` and `electrode`."""
-    quality_factor: float = 0.0
+    quality_factor: Quality = 0.0
     """Q; 0: no damping."""
-    contact: float = 1.0
+    contact: Participation = 1.0
     """Displacement of the contact per unit of the mode's coordinate, towards closing."""
-    electrode: float = 1.0
+    electrode: Participation = 1.0
     """Mean displacement of the electrode per unit of the mode's coordinate, towards closing."""
-    cubic_per_um2: float = 0.0
+    cubic_per_um2: Annotated[Number, Field(ge=0, le=1e6)] = 0.0
     """Stretching, as of a beam fixed at both ends: the mode's force is k (q + cubic q³) [1/µm²]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@refuses_with(ReducedOrderError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Capacitance:
     """Capacitance over the displacement of the electrode, of the nominal device."""
 
-    gap_um: float
+    gap_um: Annotated[Number, Field(ge=1e-3, le=1e6)]
     """Gap of that device [µm]: other gaps are scaled from it."""
-    polynomial_fF: tuple[float, ...] = ()
+    polynomial_fF: Numbers = ()
     """Coefficients of 1, x, x², ... [fF, fF/µm, ...]."""
-    valid_um: tuple[float, ...] = ()
+    valid_um: Numbers = ()
     """Displacements from and to which the polynomial holds [µm]; (): from rest to 0.999 of the gap."""
-    travel_um: tuple[float, ...] = ()
+    travel_um: Numbers = ()
     """Displacements of a table [µm], rising; a cubic spline joins them."""
-    capacitance_fF: tuple[float, ...] = ()
+    capacitance_fF: Numbers = ()
     """Capacitances there [fF]."""
+
+    def __post_init__(self) -> None:
+        if bool(self.polynomial_fF) == bool(self.travel_um or self.capacitance_fF):
+            raise ReducedOrderError("give either polynomial_fF, or travel_um and capacitance_fF")
+        if self.polynomial_fF and len(self.polynomial_fF) < 2:
+            raise ReducedOrderError("polynomial_fF has one coefficient; a force takes two or more")
+        if not self.polynomial_fF:
+            if len(self.travel_um) != len(self.capacitance_fF) or len(self.travel_um) < 4:
+                raise ReducedOrderError(
+                    f"travel_um has {len(self.travel_um)} entries and capacitance_fF {len(self.capacitance_fF)}; give "
+                    "as many of both, 4 or more"
+                )
+            if not (np.diff(self.travel_um) > 0.0).all():
+                raise ReducedOrderError("travel_um must rise from entry to entry")
+            if not self.travel_um[0] <= 0.0 < self.travel_um[-1] < self.gap_um:
+                raise ReducedOrderError(
+                    f"travel_um runs from {self.travel_um[0]:g} to {self.travel_um[-1]:g} µm; it must begin at rest "
+                    f"(0) or before, and end within the gap of {self.gap_um:g} µm"
+                )
+        if self.valid_um and not self.polynomial_fF:
+            raise ReducedOrderError("valid_um belongs to polynomial_fF; a table holds from first to last entry")
+        if self.valid_um and not (len(self.valid_um) == 2 and self.valid_um[0] <= 0.0 < self.valid_um[1] < self.gap_um):
+            raise ReducedOrderError(
+                f"valid_um is {list(self.valid_um)}; it must be two displacements, from rest (0) or before to within "
+                f"the gap of {self.gap_um:g} µm"
+            )
+        far = 0.5 * self.gap_um if self.polynomial_fF and not self.valid_um else self.slope()[0][-1]
+        if not (self.slope_at(np.linspace(0.0, far, 200)[:-1]) > 0.0).all():
+            raise ReducedOrderError(
+                "the capacitance falls somewhere between rest and contact, so that a voltage would open the "
+                "switch: check the sign of the travel, and noise of the table"
+            )
 
     def slope(self) -> tuple[FloatArray, FloatArray]:
         """dC/dx as a piecewise polynomial: knots (k + 1,) [µm], coefficients (degree + 1, k), highest power first.
@@ -94,13 +150,14 @@ class Capacitance:
         return np.where((x >= knots[0]) & (x <= knots[-1]), value, math.nan)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@refuses_with(ReducedOrderError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Dielectric:
     """A layer on the counter-electrode: the field crosses it, the plate does not. The population's gap is the air's."""
 
-    thickness_um: float
+    thickness_um: Annotated[Number, Field(ge=1e-4, le=1e3)]
     """Thickness [µm]."""
-    permittivity: float
+    permittivity: Annotated[Number, Field(ge=1, le=1e4)]
     """Relative permittivity."""
 
     @property
@@ -109,27 +166,29 @@ class Dielectric:
         return self.thickness_um / self.permittivity
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@refuses_with(ReducedOrderError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class CompliantContact:
     """Hunt and Crossley's contact, and a dashpot: stiffness d^exponent (1 + loss d') + dashpot d' at the depth d, never
     pulling. An exponent of 1 with a dashpot alone is the linear contact."""
 
-    stiffness_N_per_m: float
+    stiffness_N_per_m: Annotated[Number, Field(ge=1, le=1e12)]
     """Stiffness [N/m] (with an exponent other than 1 [N/µm^exponent x 1e-6])."""
-    exponent: float = 1.5
+    exponent: Annotated[Number, Field(ge=1, le=3)] = 1.5
     """1: a spring; 1.5: Hertz."""
-    loss_us_per_um: float = 0.0
+    loss_us_per_um: Annotated[Number, Field(ge=0, le=1e3)] = 0.0
     """Hunt and Crossley's damping [µs/µm]; about 1.5 (1 - e) / v for restitution e at the speed v."""
-    dashpot_uN_s_per_m: float = 0.0
+    dashpot_uN_s_per_m: Annotated[Number, Field(ge=0, le=1e12)] = 0.0
     """Dashpot [µN s/m]: 2 zeta sqrt(stiffness x mass) for the damping ratio zeta."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@refuses_with(ReducedOrderError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class ReducedOrder:
     """A switch of several modes."""
 
-    mode: tuple[Mode, ...]
-    """The modes, that of the population's K and M first."""
+    mode: tuple[Mode, ...] = ()
+    """The modes, from one to 32, that of the population's K and M first."""
     name: str = "reduced-order model"
     """What reports call it."""
     capacitance: Capacitance | None = None
@@ -142,34 +201,14 @@ class ReducedOrder:
     def __post_init__(self) -> None:
         if not 1 <= len(self.mode) <= MAX_MODES:
             raise ReducedOrderError(f"{len(self.mode)} modes; give from 1 to {MAX_MODES}, each as [[mode]]")
-        for number, mode in enumerate(self.mode, 1):
-            where = f"mode {number}: "
-            _within(where, "frequency_kHz", mode.frequency_kHz, 1e-3, 1e6)
-            _within(where, "mass_ug", mode.mass_ug, 1e-9, 1e12)
-            if mode.quality_factor:
-                _within(where, "quality_factor", mode.quality_factor, LEAST_Q, 1e9)
-            _within(where, "cubic_per_um2", mode.cubic_per_um2, 0.0, 1e6)
-            for key in ("contact", "electrode"):
-                _within(where, key, getattr(mode, key), -1e6, 1e6)
         first = self.mode[0]
         if first.contact <= 0.0 or first.electrode <= 0.0:
             raise ReducedOrderError(
                 f"mode 1 moves the contact by {first.contact:g} and the electrode by {first.electrode:g}; both must be "
                 "above 0: list the mode that closes the switch first, with the sign that closes it"
             )
-        if self.capacitance is not None:
-            _check_capacitance(self.capacitance)
-        if self.dielectric is not None:
-            _within("[dielectric] ", "thickness_um", self.dielectric.thickness_um, 1e-4, 1e3)
-            _within("[dielectric] ", "permittivity", self.dielectric.permittivity, 1.0, 1e4)
-            if self.capacitance is not None:
-                raise ReducedOrderError("[dielectric] has no place beside [capacitance], which says what it does")
-        if self.contact is not None:
-            where = "[contact] "
-            _within(where, "stiffness_N_per_m", self.contact.stiffness_N_per_m, 1.0, 1e12)
-            _within(where, "exponent", self.contact.exponent, 1.0, 3.0)
-            _within(where, "loss_us_per_um", self.contact.loss_us_per_um, 0.0, 1e3)
-            _within(where, "dashpot_uN_s_per_m", self.contact.dashpot_uN_s_per_m, 0.0, 1e12)
+        if self.dielectric is not None and self.capacitance is not None:
+            raise ReducedOrderError("[dielectric] has no place beside [capacitance], which says what it does")
 
     def ratios(self) -> FloatArray:
         """(n_modes, 6): mass and (k/m) as parts of mode 1's, 1/Q, participation of contact and of electrode, cubic
@@ -212,20 +251,7 @@ class ReducedOrder:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ReducedOrder:
         """Inverse of `to_dict`, and the reader of a file. Raises ReducedOrderError naming the key."""
-        check_keys(data, ("name", "mode", "capacitance", "dielectric", "contact"), "", ReducedOrderError)
-        modes = data.get("mode", [])
-        if not isinstance(modes, Sequence) or isinstance(modes, str):
-            raise ReducedOrderError("modes are tables, each under its own [[mode]]")
-        parts: dict[str, Any] = {"mode": tuple(_part(Mode, m, f"mode {i}: ") for i, m in enumerate(modes, 1))}
-        if "capacitance" in data:
-            parts["capacitance"] = _part(Capacitance, data["capacitance"], "[capacitance] ")
-        if "dielectric" in data:
-            parts["dielectric"] = _part(Dielectric, data["dielectric"], "[dielectric] ")
-        if "contact" in data:
-            parts["contact"] = _part(CompliantContact, data["contact"], "[contact] ")
-        if "name" in data:
-            parts["name"] = str(data["name"])
-        return cls(**parts)
+        return checked(cls, data, ReducedOrderError)
 
 
 def read_reduced_order(path: str | Path) -> ReducedOrder:
@@ -252,67 +278,6 @@ def read_reduced_order(path: str | Path) -> ReducedOrder:
         return ReducedOrder.from_dict(tables)
     except ReducedOrderError as e:
         raise ReducedOrderError(f"{path}: {e}") from e
-
-
-def _check_capacitance(c: Capacitance) -> None:
-    where = "[capacitance] "
-    _within(where, "gap_um", c.gap_um, 1e-3, 1e6)
-    if bool(c.polynomial_fF) == bool(c.travel_um or c.capacitance_fF):
-        raise ReducedOrderError(f"{where}give either polynomial_fF, or travel_um and capacitance_fF")
-    if c.polynomial_fF and len(c.polynomial_fF) < 2:
-        raise ReducedOrderError(f"{where}polynomial_fF has one coefficient; a force takes two or more")
-    if not c.polynomial_fF:
-        if len(c.travel_um) != len(c.capacitance_fF) or len(c.travel_um) < 4:
-            raise ReducedOrderError(
-                f"{where}travel_um has {len(c.travel_um)} entries and capacitance_fF {len(c.capacitance_fF)}; give as "
-                "many of both, 4 or more"
-            )
-        if not (np.diff(c.travel_um) > 0.0).all():
-            raise ReducedOrderError(f"{where}travel_um must rise from entry to entry")
-        if not c.travel_um[0] <= 0.0 < c.travel_um[-1] < c.gap_um:
-            raise ReducedOrderError(
-                f"{where}travel_um runs from {c.travel_um[0]:g} to {c.travel_um[-1]:g} µm; it must begin at rest (0) "
-                f"or before, and end within the gap of {c.gap_um:g} µm"
-            )
-    if c.valid_um and not c.polynomial_fF:
-        raise ReducedOrderError(f"{where}valid_um belongs to polynomial_fF; a table holds from first to last entry")
-    if c.valid_um and not (len(c.valid_um) == 2 and c.valid_um[0] <= 0.0 < c.valid_um[1] < c.gap_um):
-        raise ReducedOrderError(
-            f"{where}valid_um is {list(c.valid_um)}; it must be two displacements, from rest (0) or before to within "
-            f"the gap of {c.gap_um:g} µm"
-        )
-    far = 0.5 * c.gap_um if c.polynomial_fF and not c.valid_um else c.slope()[0][-1]
-    if not (c.slope_at(np.linspace(0.0, far, 200)[:-1]) > 0.0).all():
-        raise ReducedOrderError(
-            f"{where}the capacitance falls somewhere between rest and contact, so that a voltage would open the "
-            "switch: check the sign of the travel, and noise of the table"
-        )
-
-
-def _part(kind: type[Any], data: Any, where: str) -> Any:
-    if not isinstance(data, Mapping):
-        raise ReducedOrderError(f"{where}{data!r} must be a table of keys")
-    known = tuple(kind.__dataclass_fields__)
-    check_keys(data, known, where, ReducedOrderError)
-    values: dict[str, Any] = {}
-    for key, value in data.items():
-        listed = isinstance(value, Sequence) and not isinstance(value, str)
-        if listed != str(kind.__dataclass_fields__[key].type).startswith("tuple"):
-            raise ReducedOrderError(f"{where}{key} is {value!r}; it must be a {'finite number' if listed else 'list'}")
-        if listed:
-            values[key] = tuple(finite_number(where + key, v, ReducedOrderError) for v in value)
-        else:
-            values[key] = finite_number(where + key, value, ReducedOrderError)
-    try:
-        return kind(**values)
-    except TypeError as e:
-        missing = [n for n, f in kind.__dataclass_fields__.items() if n not in values and f.default is MISSING]
-        raise ReducedOrderError(f"{where}{', '.join(missing)} is missing") from e
-
-
-def _within(where: str, key: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise ReducedOrderError(f"{where}{key} is {value:g}; it must be from {low:g} to {high:g}")
 
 
 def _plain(value: Any) -> Any:

@@ -14,8 +14,12 @@ import json
 import os
 import socket
 import uuid
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from typing import Annotated
+
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
+from pydantic.dataclasses import dataclass
 
 from softclose_store.disk.below import Below
 from softclose_store.disk.files import (
@@ -42,25 +46,35 @@ from softclose_store.errors import LockedError, StoreError
 LOCK_KEY = f"{OWN_FOLDER}/driver.lock"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+def _printable(word: str) -> str:
+    """It is shown at a terminal, to which a control character would be an instruction."""
+    if not word.isprintable():
+        raise ValueError("it has a control character")
+    return word
+
+
+Word = Annotated[str, AfterValidator(_printable)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(strict=True, extra="forbid"))
 class Holder:
     """Who holds a store."""
 
-    host: str
+    host: Word
     """Host name."""
-    pid: int
+    pid: Annotated[int, Field(ge=1, lt=2**31)]
     """Process on that host."""
-    started: str
+    started: Word
     """Its start in clock ticks since boot: pids are reused."""
-    boot: str
+    boot: Word
     """Identity of the host's boot."""
-    user: str
+    user: Word
     """User name."""
-    since: str
+    since: Word
     """When the lock was taken, ISO 8601."""
-    token: str = ""
+    token: Word = ""
     """Tells two locks of one process apart."""
-    renewals: int = 0
+    renewals: Annotated[int, Field(ge=0, lt=2**31)] = 0
     """How often an object store's lease was renewed."""
 
     @classmethod
@@ -84,14 +98,9 @@ class Holder:
     def parse(cls, text: bytes | None) -> Holder | None:
         """Who wrote a lock; None where the text is none or unreadable."""
         try:
-            holder = cls(**json.loads(text or b""))
-        except (ValueError, TypeError, RecursionError):
+            return TypeAdapter(cls).validate_json(text or b"")
+        except ValueError:
             return None
-        numbers = (holder.pid, holder.renewals)
-        words = (holder.host, holder.started, holder.boot, holder.user, holder.since, holder.token)
-        is_ours = all(type(n) is int and 0 <= n < 2**31 for n in numbers) and holder.pid > 0
-        # It is shown at a terminal, to which a control character would be an instruction.
-        return holder if is_ours and all(isinstance(word, str) and word.isprintable() for word in words) else None
 
     @property
     def text(self) -> bytes:

@@ -10,13 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
+from pydantic import BaseModel, ConfigDict
+
 from softclose import __version__
+from softclose.allowed.tables import Number, checked
 from softclose.device.simulate import Responses
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, Value, quantity
 from softclose.naming import did_you_mean
 from softclose.plugins import QuantityError
 from softclose.settings import CampaignConfig
-from softclose.tables import finite_number
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import Certification, Certified
@@ -90,12 +92,19 @@ class Sheet:
         return next((r for r in self.certification.references if r.name == UNSHAPED), None)
 
 
+class LimitsFile(BaseModel):
+    """A file of limits: a quantity and its limit, each."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    __pydantic_extra__: dict[str, Number]
+
+
 def parsed_limits(texts: Sequence[str], table: Mapping[str, Any] | None = None) -> dict[str, float]:
     """Limits by quantity, from texts such as `v_u=20`, `p_nc=5%`, and a table of a file, which they override.
 
     Raises SignError for what is no quantity, none that a certificate tells, or no number.
     """
-    found = {name: finite_number(name, value, SignError) for name, value in (table or {}).items()}
+    found = dict(checked(LimitsFile, table or {}, SignError).__pydantic_extra__ or {})
     for text in texts:
         name, equals, number = text.partition("=")
         share = number.strip().endswith("%")

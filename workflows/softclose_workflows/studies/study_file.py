@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Self
 
+from annotated_types import MinLen
+from pydantic import Field, model_validator
+from pydantic.dataclasses import dataclass
+
+from softclose.allowed.refusal import Said, shown
+from softclose.allowed.tables import TABLE, Number, checked, refuses_with
 from softclose.population import UNITS, Population
 from softclose.presets import PresetError, find_named
 from softclose.settings import CampaignConfig, ConfigError, load_config, read_toml
+from softclose.tables import LARGEST_INTEGER, toml_value
 from softclose_workflows.studies.series import Member
 
 FOLDER = Path(__file__).parent / "shipped"
@@ -24,31 +30,56 @@ TRANSFORMS = {
 TOGETHER = {"trim.error": ("trim.pull_in_error", "trim.resonance_error")}
 """Parameters that set several keys to one value."""
 
-KEYS = ("name", "title", "base", "parameter", "values", "unit", "set", "weights", "variables")
+Text = Annotated[str, MinLen(1)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Study:
-    """A campaign over the values of one parameter."""
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
+class StudyFile:
+    """What a file says of a study."""
 
-    name: str
+    name: Text
     """Short name."""
-    title: str
-    """What it asks."""
-    base: str
+    title: str = ""
+    """What it asks; the name where it is left out."""
+    base: Text
     """Preset or file that every campaign starts from."""
-    parameter: str
+    parameter: Text
     """`section.key` of the configuration, or one of TRANSFORMS or TOGETHER."""
-    values: tuple[float, ...]
+    values: Annotated[tuple[Number, ...], MinLen(2), Said("a list of two or more numbers, each once")]
     """Its values."""
     unit: str = ""
     """Their unit."""
-    settings: tuple[str, ...] = ()
-    """Overrides common to all, `section.key=value`."""
-    weights: Mapping[str, float] = field(default_factory=dict)
+    set: dict[str, Any] = Field(default_factory=dict)
+    """Settings common to all: keys such as campaign.budget, as tables or in quotes."""
+    weights: dict[str, Number] = Field(default_factory=dict)
     """population.shift_mean: change of each variable's mean per unit of the value [µm, GPa]."""
     variables: tuple[str, ...] = ("D", "G", "T")
     """population.repeatability: variables whose spread changes."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if len({*self.values}) < len(self.values):
+            raise ValueError(f"values is {shown(list(self.values))}; each value may be there once")
+        for v in (*self.weights, *self.variables):
+            if v not in UNITS:
+                raise ValueError(f"{shown(v)} is no variable of a population; it must be one of {', '.join(UNITS)}")
+        if self.parameter == "population.shift_mean" and not self.weights:
+            raise ValueError("population.shift_mean needs [weights]: the change of each mean per unit of the value")
+        return self
+
+
+@refuses_with(ConfigError)
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
+class Study(StudyFile):
+    """A campaign over the values of one parameter."""
+
+    overrides: tuple[str, ...] = ()
+    """Settings common to all that were given beside the file, `section.key=value`."""
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Settings common to all, `section.key=value`; the last of two counts."""
+        return (*(f"{key}={toml_value(value)}" for key, value in _flat(self.set)), *self.overrides)
 
     def members(self) -> list[Member]:
         """One campaign per value; raises ConfigError or PopulationError where a value is not allowed."""
@@ -58,7 +89,7 @@ class Study:
         path = self.base
         settings = list(self.settings)
         if self.parameter not in TRANSFORMS:
-            settings += [f"{key}={value!r}" for key in TOGETHER.get(self.parameter, (self.parameter,))]
+            settings += [f"{key}={_number(value)}" for key in TOGETHER.get(self.parameter, (self.parameter,))]
         config = load_config(path, settings)
         label = f"{self.parameter.rpartition('.')[2]} {value:g}"
         data = config.to_dict()
@@ -87,50 +118,12 @@ def load_study(source: str, overrides: tuple[str, ...] = ()) -> Study:
         path = find_named(source, FOLDER, "study")
     except PresetError as e:
         raise ConfigError(str(e)) from e
-    data = read_toml(path)
     try:
-        study = _study(data)
+        file = checked(StudyFile, read_toml(path), ConfigError)
     except ConfigError as e:
         raise ConfigError(f"{path}: {e}") from e
-    return replace(study, settings=(*study.settings, *overrides))
-
-
-def _study(data: Mapping[str, Any]) -> Study:
-    unknown = [key for key in data if key not in KEYS]
-    if unknown:
-        raise ConfigError(f"unknown key {unknown[0]!r}; a study has {', '.join(KEYS)}")
-    missing = [key for key in ("name", "base", "parameter", "values") if key not in data]
-    if missing:
-        raise ConfigError(f"{missing[0]} is missing; a study needs name, base, parameter and values")
-    values = data["values"]
-    if not isinstance(values, list) or len(values) < 2 or not all(_is_number(v) for v in values):
-        raise ConfigError(f"values is {values!r}; it must be a list of two or more numbers")
-    if len(set(values)) < len(values):
-        raise ConfigError(f"values is {values!r}; each value may be there once")
-    settings = data.get("set", {})
-    if not isinstance(settings, Mapping):
-        raise ConfigError("set is no table; write settings of all campaigns as [set] with keys such as campaign.budget")
-    weights, variables = data.get("weights", {}), tuple(data.get("variables", ("D", "G", "T")))
-    for v in (*weights, *variables):
-        if v not in UNITS:
-            raise ConfigError(f"{v!r} is no variable of a population; it must be one of {', '.join(UNITS)}")
-    if data["parameter"] == "population.shift_mean" and not weights:
-        raise ConfigError("population.shift_mean needs [weights]: the change of each mean per unit of the value")
-    return Study(
-        name=str(data["name"]),
-        title=str(data.get("title", data["name"])),
-        base=str(data["base"]),
-        parameter=str(data["parameter"]),
-        values=tuple(values),
-        unit=str(data.get("unit", "")),
-        settings=tuple(f"{key}={_toml(value)}" for key, value in _flat(settings)),
-        weights={k: float(w) for k, w in weights.items()},
-        variables=variables,
-    )
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    said = {f.name: getattr(file, f.name) for f in fields(StudyFile)}
+    return Study(**said | {"title": file.title or file.name}, overrides=overrides)
 
 
 def _flat(table: Mapping[str, Any]) -> list[tuple[str, Any]]:
@@ -142,7 +135,6 @@ def _flat(table: Mapping[str, Any]) -> list[tuple[str, Any]]:
     ]
 
 
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f'"{value}"' if isinstance(value, str) else str(value)
+def _number(value: float) -> str:
+    """A value in TOML; a whole one as an integer, which settings of both kinds take."""
+    return str(int(value)) if value.is_integer() and abs(value) <= LARGEST_INTEGER else repr(value)

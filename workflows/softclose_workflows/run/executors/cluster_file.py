@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, MinLen
-from pydantic import ConfigDict, ValidationError
+from pydantic import Strict
 from pydantic.dataclasses import dataclass
 
-from softclose.allowed.refusal import refusal
-from softclose.naming import did_you_mean
+from softclose.allowed.tables import TABLE, Number, checked
 from softclose.settings import ConfigError, read_toml
 
 Scheduler = Literal["slurm", "pbs", "lsf", "sge", "oar"]
@@ -21,12 +19,13 @@ PROJECT_KEY = {"slurm": "account", "pbs": "account", "lsf": "project", "sge": "p
 """What a scheduler's library calls the project that pays."""
 
 Text = Annotated[str, MinLen(1)]
+Count = Annotated[int, Strict(), Ge(1)]
 
 WALLTIME = re.compile(r"(?:(\d+)-)?(?:(\d+):)?(\d+):(\d\d)")
 """Days, hours, minutes and seconds of a walltime."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid", strict=True))
+@dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class Cluster:
     """Jobs of workers under a batch scheduler; Dask's configuration (`jobqueue.NAME`) has what is left out."""
 
@@ -34,9 +33,9 @@ class Cluster:
     """Which."""
     config_name: Text | None = None
     """Section of Dask's `jobqueue` configuration that completes this one; by default the scheduler's own."""
-    jobs: Annotated[int, Ge(1)] = 1
+    jobs: Count = 1
     """Jobs at once."""
-    cores: Annotated[int, Ge(1)] | None = None
+    cores: Count | None = None
     """Cores of a job: as many workers, of one thread each."""
     memory: Text | None = None
     """Memory of a job, such as "32GB"."""
@@ -58,9 +57,9 @@ class Cluster:
     """More directives of the job's header, such as "--exclusive"."""
     log_folder: Text = "softclose-jobs"
     """Where jobs write their output, and the run its certificates: a folder that all hosts see."""
-    wait_s: Annotated[float, Gt(0.0)] = 86_400.0
+    wait_s: Annotated[Number, Gt(0.0)] = 86_400.0
     """How long to wait without any worker, as jobs may queue, before stopping [s]."""
-    tls: bool = True
+    tls: Annotated[bool, Strict()] = True
     """Encrypt and authenticate what workers and scheduler say, by a certificate made for this run."""
 
     @property
@@ -99,7 +98,7 @@ def load_cluster(source: str) -> Cluster:
     data = read_toml(Path(source))
     inner = data.pop("cluster", None)
     if inner is not None:
-        if data or not isinstance(inner, dict):
+        if data:
             raise ConfigError(f"{source}: a cluster's file has one table, [cluster], or its keys alone")
         data = inner
     try:
@@ -108,22 +107,9 @@ def load_cluster(source: str) -> Cluster:
         raise ConfigError(f"{source}: {e}") from e
 
 
-def check_cluster(data: dict[str, Any]) -> Cluster:
+def check_cluster(data: object) -> Cluster:
     """A cluster from plain values. Raises ConfigError naming every problem."""
-    known = [f.name for f in fields(Cluster)]
-    lists = {key: tuple(value) for key, value in data.items() if isinstance(value, list)}
-    try:
-        cluster = Cluster(**(data | lists))
-    except ValidationError as e:
-        problems = []
-        for error in e.errors():
-            key = str(error["loc"][0])
-            if key not in known:
-                close = did_you_mean(key, known)
-                problems.append(f"unknown key {key!r}; {close}a cluster has {', '.join(known)}")
-            else:
-                problems.append(refusal(Cluster, key, error["input"], ("cluster", *error["loc"])))
-        raise ConfigError("; ".join(problems)) from e
+    cluster = checked(Cluster, data, ConfigError, "[cluster] ")
     _ = cluster.lifetime_s
     return cluster
 
