@@ -6,8 +6,10 @@ zarr's own way, a loop in another thread and a pool of more, costs 0.9 ms an arr
 from __future__ import annotations
 
 import asyncio
+import atexit
 import os
 import threading
+import time
 import weakref
 from collections.abc import Coroutine
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -60,14 +62,33 @@ def _local_loop() -> asyncio.AbstractEventLoop:
     return loop
 
 
-_remote: dict[int, asyncio.AbstractEventLoop] = {}
+_remote: dict[int, tuple[asyncio.AbstractEventLoop, threading.Thread]] = {}
 _remote_lock = threading.Lock()
+
+LAST_S = 0.1
+"""How long the end of a process waits for threads that have delivered their last answer [s]."""
 
 
 def _remote_loop() -> asyncio.AbstractEventLoop:
     with _remote_lock:
         if os.getpid() not in _remote:
             loop = asyncio.new_event_loop()
-            threading.Thread(target=loop.run_forever, name="softclose-store", daemon=True).start()
-            _remote[os.getpid()] = loop
-        return _remote[os.getpid()]
+            thread = threading.Thread(target=loop.run_forever, name="softclose-store", daemon=True)
+            thread.start()
+            _remote[os.getpid()] = loop, thread
+            atexit.register(_end_remote_loop)
+        return _remote[os.getpid()][0]
+
+
+def _end_remote_loop() -> None:
+    """Stop the loop before the interpreter goes, and let the threads of the service's library come to rest.
+
+    They are not Python's: one that still holds an answer while the interpreter ends aborts the process (SIGABRT), also
+    where all of its work was done and committed.
+    """
+    loop, thread = _remote.pop(os.getpid(), (None, None))
+    if loop is None or thread is None:
+        return
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join(timeout=5.0)
+    time.sleep(LAST_S)
