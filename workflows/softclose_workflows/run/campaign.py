@@ -10,7 +10,6 @@ import contextlib
 import itertools
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
@@ -28,8 +27,8 @@ from softclose_workflows.errors import Stopped
 from softclose_workflows.run import records
 from softclose_workflows.run.executors import Executor
 from softclose_workflows.run.executors.protocol import Event
-from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
-from softclose_workflows.run.flight import Flight, Place, plan_tasks, recovered
+from softclose_workflows.run.faults import Retries
+from softclose_workflows.run.flight import Flight, plan_tasks, recovered
 from softclose_workflows.run.prior import Found, PriorAtWork, PriorOfStore
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import BlockResult, BlockTask
@@ -115,13 +114,14 @@ class Driver:
     """Switches, rank and g of the best so far."""
     """Largest ensemble so far, and the smallest g on it: training scores on few switches are optimistic."""
     _flights: dict[int, Flight] = field(init=False, default_factory=dict)
-    _tries: Counter[tuple[str, Place]] = field(init=False, default_factory=Counter)
+    _retries: Retries = field(init=False)
     _n_switches_done: int = field(init=False, default=0)
     _stop_seen: float | None = field(init=False, default=None)
     """When the request to stop was first seen [s]."""
 
     def __post_init__(self) -> None:
         self.config = CampaignConfig.from_dict(self.store.config)
+        self._retries = Retries(self.executor.submit)
         problem = Problem(self.config, help=self._prior())
         self.waves = plan(problem)
         self._proposer = Proposer(problem)
@@ -284,21 +284,7 @@ class Driver:
                 self.spent.write += outcome.write_s
                 return
         assert isinstance(outcome, BaseException)
-        self._again(task, outcome)
-
-    def _again(self, task: BlockTask, failure: BaseException) -> None:
-        """A fault of the machine: the block is tried elsewhere a few times, then the run stops."""
-        if isinstance(failure, Stopped):
-            raise failure
-        key = (task.stage, task.place)
-        self._tries[key] += 1
-        reason = f"{type(failure).__name__}: {failure}"
-        if stops_at_once(failure) or self._tries[key] >= MAX_TRIES:
-            raise Stopped(
-                f"{task.name} could not be computed, tried {self._tries[key]} times ({reason}); "
-                "nothing of it is recorded"
-            ) from failure
-        self.executor.submit(task)
+        self._retries.again(task, outcome)
 
     def _commit(self, w: int) -> None:
         """Assess the wave from what came back, and make it part of the campaign."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import itertools
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -17,7 +17,7 @@ from softclose.device.protocol import is_own_word
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.executors.placement import n_cores
-from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
+from softclose_workflows.run.faults import Retries
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
 
 Piece = TypeVar("Piece")
@@ -78,7 +78,7 @@ class Crew:
         order: deque[int] = deque()
         left: dict[int, PieceTask] = {}
         came: dict[int, Answer] = {}
-        tries: Counter[int] = Counter()
+        retries = Retries(executor.submit)
         while True:
             room = max(LEAST_AHEAD, AHEAD_PER_WORKER * executor.n_workers) - len(order)
             for task in itertools.islice(waiting, room):
@@ -88,10 +88,10 @@ class Crew:
             if not order:
                 return
             while order[0] in left:
-                self._receive(left, came, tries)
+                self._receive(left, came, retries)
             yield came.pop(order.popleft())
 
-    def _receive(self, left: dict[int, PieceTask], came: dict[int, Any], tries: Counter[int]) -> None:
+    def _receive(self, left: dict[int, PieceTask], came: dict[int, Any], retries: Retries) -> None:
         """Wait a little for what comes next. Answers to a question that was given up are thrown away."""
         if self._stop:
             raise Stopped(f"{self._stop.signal_name} received: what was being computed is not kept")
@@ -103,14 +103,9 @@ class Crew:
             came[number] = outcome
             del left[number]
             return
-        if isinstance(outcome, Stopped) or _is_an_answer(outcome):
+        if _is_an_answer(outcome):
             raise outcome
-        tries[number] += 1
-        if stops_at_once(outcome) or tries[number] >= MAX_TRIES:
-            raise Stopped(
-                f"{task.name} could not be computed, tried {tries[number]} times ({type(outcome).__name__}: {outcome})"
-            ) from outcome
-        self._opened().submit(task)
+        retries.again(task, outcome)
 
 
 def _is_an_answer(failure: BaseException) -> bool:

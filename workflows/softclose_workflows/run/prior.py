@@ -6,7 +6,6 @@ Both are pure functions of the configuration: how waveforms are dealt to workers
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -23,7 +22,7 @@ from softclose.waveform import Waveform
 from softclose_store import DamageError, GroupArray, StoreMissingError, faults, open_campaign, read_group, write_group
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.executors.protocol import Executor
-from softclose_workflows.run.faults import MAX_TRIES, stops_at_once
+from softclose_workflows.run.faults import Retries
 from softclose_workflows.run.records import padded_rows, unpadded
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import Rows, rows_of
@@ -137,7 +136,7 @@ class PriorAtWork:
         for task in tasks:
             self.executor.submit(task)
         found: dict[int, PriorValues] = {}
-        tries: Counter[int] = Counter()
+        retries = Retries(self.executor.submit)
         while len(found) < len(tasks):
             event = self.executor.next_event(POLL_S)
             if self._finding is not None and self.stop:
@@ -155,7 +154,11 @@ class PriorAtWork:
             elif isinstance(outcome, PriorValues):
                 found[done.first] = outcome
             else:
-                self._again(done, outcome, tries)
+                assert isinstance(outcome, BaseException)
+                try:
+                    retries.again(done, outcome)
+                except Stopped as e:
+                    raise PriorError from e
         parts = [found[first] for first in sorted(found)]
         values = PriorValues(
             g_cm_s=np.concatenate([part.g_cm_s for part in parts]) if parts else np.empty(0),
@@ -166,18 +169,6 @@ class PriorAtWork:
             self._finding = self._finding.after(values.g_cm_s, each_of)
             self.told(self._finding)
         return values
-
-    def _again(self, task: PriorTask, outcome: object, tries: Counter[int]) -> None:
-        """A fault of the machine: tried elsewhere a few times, then the run stops."""
-        tries[task.first] += 1
-        if isinstance(outcome, Stopped):
-            raise PriorError from outcome
-        if not isinstance(outcome, BaseException) or stops_at_once(outcome) or tries[task.first] >= MAX_TRIES:
-            raise PriorError from Stopped(
-                f"{task.name} could not be evaluated, tried {tries[task.first]} times "
-                f"({type(outcome).__name__}: {outcome}); nothing of it is recorded"
-            )
-        self.executor.submit(task)
 
 
 @dataclass(slots=True, eq=False)
