@@ -183,7 +183,12 @@ def schema_page() -> str:
         for group, arrays in RESULT_ARRAYS.items()
         for name, meaning in arrays.items()
     ]
-    lines += ["", "A certification has the fields of `records` that are results, too, one value a design."]
+    lines += [
+        "",
+        "A certification has the fields of `records` that are results, too, one value a design. Arrays whose names "
+        "begin with `off_` are those of the best candidate where every drive is off by `drive_gain`: of its first new "
+        "switches (`off_switch`) what is there of a switch under a design, and the same figures.",
+    ]
     pulses = tuple(
         fields.Field(name=f"pulse1_{name}", unit=unit, long_name=f"{meaning} of pulse 1; further pulses likewise")
         for name, (meaning, unit) in fields.PARAMETERS.items()
@@ -238,6 +243,16 @@ RESULT_ARRAYS = {
         "closed": "whether it is held in contact at the horizon",
         "status": "outcome of its integration; 0: ok",
         "settling": "instant from which it is held [µs]",
+        "first_contact": "instant of its first contact [µs]; inf: never",
+        "n_impacts": "number of its impacts",
+        "contact_time": "of the lot: instant of the first contact [µs]; `_lower` and `_upper` bound it",
+        "contact_time_lower": "its interval's lower end [µs]",
+        "contact_time_upper": "its interval's upper end [µs]",
+        "impacts": "of the lot: number of impacts; `_lower` and `_upper` bound it",
+        "impacts_lower": "its interval's lower end",
+        "impacts_upper": "its interval's upper end",
+        "drive_gain": "relative error of the best candidate's volts",
+        "off_switch": "index of the fresh switch, of the first ones, under drives that are a little off",
         "limit": "contact-speed limits [cm/s]",
         "training_g_cm_s": "g on the training ensemble",
         "training_n_switches": "size of the training ensemble",

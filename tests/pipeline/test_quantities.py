@@ -38,6 +38,19 @@ def test_under_a_step_every_impact_is_the_restitution_times_the_one_before() -> 
     np.testing.assert_allclose(count, 2 + np.floor(np.log(1e-5 / v) / np.log(eta)), atol=1.01)
 
 
+def test_the_first_contact_is_where_the_travel_first_is_the_distance_to_the_contact() -> None:
+    """By the sampled motion of one switch at a time."""
+    c = closing()
+    found = QUANTITIES["contact_time"].values(c)
+    t = np.linspace(0.0, 60.0, 60_001)
+    sampled = respond(config(), c.lot, c.waveform, times_us=t)
+    assert sampled.x is not None
+    at = t[
+        np.argmax(np.asarray(sampled.x) >= c.lot["D"][:, None] - 1e-3, axis=1)
+    ]  # a sample is 1 ns, 0.4 nm at contact
+    np.testing.assert_allclose(found, at, atol=1e-2)
+
+
 def test_bounces_end_after_the_time_of_their_geometric_series() -> None:
     """With a nearly constant net force f the flights last 2 η^k v / f."""
     c = closing()

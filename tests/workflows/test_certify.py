@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,8 +17,11 @@ from click.testing import CliRunner
 from small_campaigns import COARSE, make_campaign
 from softclose import Pulse, Waveform, simulate
 from softclose.conditions.streams import Ensemble
+from softclose.evaluate import respond
 from softclose.settings import CampaignConfig, load_config
 from softclose_store import DamageError, list_groups, open_campaign, read_group
+from softclose_workflows.analyses.certificates import read_certificate, write_certificate
+from softclose_workflows.analyses.certification import Certified
 from softclose_workflows.analyses.certify import (
     DISTINCT_VOLTS,
     CertifyError,
@@ -30,6 +35,7 @@ from softclose_workflows.analyses.certify import (
     simulate_fresh,
 )
 from softclose_workflows.analyses.chosen import choose
+from softclose_workflows.analyses.drive_off import GAINS, drive_off_to_json
 from softclose_workflows.cli import main
 
 N = 1500
@@ -267,23 +273,83 @@ def test_a_campaign_without_candidates_cannot_be_certified(tmp_path: Path) -> No
         certify(store, n_switches=N)
 
 
-def test_a_certificate_says_what_a_drive_that_is_a_little_off_does(store: str) -> None:
-    from dataclasses import replace
-
-    from softclose_workflows.analyses.drive_off import GAINS, drive_off_to_json, off_by_drive
-
+def test_a_certificate_says_what_a_drive_that_is_a_little_off_does(
+    store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     result = certify(store, n_switches=400, top=1)
-    rows = off_by_drive(store, result)
-    assert [row.error.gain for row in rows] == [0.0, *GAINS]
-    assert rows[0].assessment == result.best.assessment
+    rows = result.drive_off
+    assert [row.gain for row in rows] == list(GAINS)
+    assert rows[2].assessment == result.best.assessment
     config = CampaignConfig.from_dict(open_campaign(store).config)
-    for row in rows[1:]:
-        volts = [replace(p, volts=p.volts * (1.0 + row.error.gain)) for p in result.best.waveform.pulses]
+    for row in rows:
+        volts = [replace(p, volts=p.volts * (1.0 + row.gain)) for p in result.best.waveform.pulses]
         (alone,) = simulate_fresh(config, [Waveform(volts)], n_switches=400, seed=result.seed)
         assert row.assessment.v_u_cm_s == pytest.approx(assess_fresh(alone, config).v_u_cm_s, abs=0.02)
     told = drive_off_to_json(rows)
-    assert [row["gain"] for row in told] == [0.0, *GAINS]
-    assert told[0]["p_nc"] == result.best.assessment.p_nc
-    text = CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "-q"]).stdout
-    assert "the best, where drive or model is off (400 of the new switches):" in text
-    assert "volts +3 %: v_u " in text
+    assert [row["gain"] for row in told] == list(GAINS)
+    assert told[2]["p_nc"] == result.best.assessment.p_nc
+    arrays = read_group(store, "certification/400-1").arrays
+    assert arrays["drive_gain"].tolist() == list(GAINS)
+    assert arrays["off_v_u_cm_s"].tolist() == [row.assessment.v_u_cm_s for row in rows]
+    np.testing.assert_array_equal(arrays["off_max_contact_speed"][4], rows[4].response.max_contact_speed)
+    stored = read_certificate(store, "certification/400-1")
+    assert [row.assessment for row in stored.drive_off] == [row.assessment for row in rows]
+    lines = CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "-q"]).stdout
+    assert "the best, where drive or model is off (400 of the new switches):" in lines
+    assert "volts +3 %: v_u " in lines
+    monkeypatch.setattr(
+        "softclose_workflows.analyses.certify.MOST", 150
+    )  # the first switches only, where there are many
+    other = str(shutil.copytree(store, tmp_path / "few.zarr"))
+    few = certify(other, n_switches=401, top=1).drive_off
+    assert {row.response.closed.size for row in few} == {150}
+    np.testing.assert_array_equal(few[4].response.closed, rows[4].response.closed[:150])
+
+
+def test_a_certificate_says_when_the_switches_first_touch_and_how_often(store: str) -> None:
+    """By hand: the switches of the certificate again, their quantile by sorting."""
+    best = certify(store, n_switches=400, top=1).best
+    config = CampaignConfig.from_dict(open_campaign(store).config)
+    found = respond(config, fresh_switches(config, 400, seed=1), best.waveform)
+    touched = found.n_impacts > 0
+    for name, values in (("contact_time", found.first_contact_us), ("impacts", found.n_impacts)):
+        ordered = np.sort(values[touched])
+        assert best.contacts[name].estimate == ordered[math.ceil(0.9 * ordered.size) - 1]
+        low, high = best.contacts[name].interval
+        assert low <= best.contacts[name].estimate <= high
+    arrays = read_group(store, "certification/400-1").arrays
+    np.testing.assert_array_equal(arrays["first_contact"][0], found.first_contact_us)
+    np.testing.assert_array_equal(arrays["n_impacts"][0], found.n_impacts)
+    assert arrays["contact_time"][0] == best.contacts["contact_time"].estimate
+    run = CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "-q"])
+    assert f"first contact {best.contacts['contact_time'].estimate:.1f} (" in run.stdout
+    told = json.loads(CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "--json"]).stdout)
+    assert told["candidates"][0]["contacts"]["impacts"]["estimate"] == best.contacts["impacts"].estimate
+    assert [row["gain"] for row in told["drive_off"]] == list(GAINS)
+
+
+def test_a_certificate_of_an_older_version_is_read_and_made_whole(store: str, tmp_path: Path) -> None:
+    path = str(shutil.copytree(store, tmp_path / "older.zarr"))
+    whole = certify(path, n_switches=402, top=1)
+    name = "certification/402-1"
+    before = read_group(path, name)
+
+    def without(d: Certified) -> Certified:
+        return replace(d, contacts={}, response=replace(d.response, first_contact_us=None, n_impacts=None))
+
+    older = replace(
+        whole,
+        candidates=tuple(map(without, whole.candidates)),
+        references=tuple(map(without, whole.references)),
+        drive_off=(),
+    )
+    config = CampaignConfig.from_dict(open_campaign(path).config)
+    write_certificate(path, older, fresh_switches(config, 402, seed=1))
+    read = read_certificate(path, name)
+    assert not read.is_whole
+    assert (read.drive_off, read.best.contacts, read.best.assessment) == ((), {}, whole.best.assessment)
+    assert certify(path, n_switches=402, top=1).is_whole
+    after = read_group(path, name)
+    assert after.attributes == before.attributes
+    for key, values in before.arrays.items():
+        np.testing.assert_array_equal(after.arrays[key], values, err_msg=key)

@@ -263,3 +263,33 @@ def test_a_campaign_for_a_front_shows_it_first_and_labels_its_candidates(data: R
         page = render_report(shown)
         places = {name: page.index(f'<section id="{name}"') for name in ("front", "design")}
         assert min(places, key=lambda name: places[name]) == first
+
+
+def test_the_page_says_how_they_close_and_what_a_drive_that_is_a_little_off_does(
+    data: ReportData, certified: ReportData
+) -> None:
+    for found, n in ((data, 3), (certified, 3)):
+        rows = headline(found)["closing"]
+        assert len(rows) == n
+        for row, design in zip(rows, found.judged_designs, strict=True):
+            touched = np.asarray(design.response.n_impacts) > 0  # type: ignore[attr-defined]
+            for cell, values in ((row[1], design.response.first_contact_us), (row[3], design.response.n_impacts)):  # type: ignore[attr-defined]
+                ordered = np.sort(np.asarray(values)[touched])
+                at = math.ceil(0.9 * ordered.size) - 1
+                assert float(cell[0].removesuffix(" µs")) == pytest.approx(ordered[at], abs=0.051)
+            assert row[2][0] == f"{labels.number(design.assessment.closing_us)} µs"
+        page = render_report(found)
+        first = page[page.index('id="headline"') : page.index('id="design"')]
+        assert all(cell[0] in first for row in rows for cell in row)
+    assert headline(data)["drive_off"] == []
+    certification = certified.certification
+    assert certification is not None
+    off = headline(certified)["drive_off"]
+    assert [row[0][0] for row in off] == ["Volts -3 %", "Volts -1 %", "As it is", "Volts +1 %", "Volts +3 %"]
+    for row, said in zip(certification.drive_off, off, strict=True):
+        assert said[1][0] == f"{labels.number(row.assessment.v_u_cm_s, 2)} cm/s"
+        assert said[2][0] == labels.percent(row.assessment.p_nc, 2)
+    page = render_report(certified)
+    first = page[page.index('id="headline"') : page.index('id="design"')]
+    assert all(cell[0] in first for row in off for cell in row)
+    assert "(2,000 of the new switches)" in first

@@ -7,6 +7,7 @@ import json
 import math
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -180,3 +181,28 @@ def test_it_is_one_page_of_paper(store: str, tmp_path: Path) -> None:
         capture_output=True, timeout=120, check=True,
     )  # fmt: skip
     assert len(re.findall(rb"/Type\s*/Page\b", pdf.read_bytes())) == 1
+
+
+def test_the_sheet_says_what_a_drive_that_is_a_little_off_does(store: str) -> None:
+    sheet = sign(store, {})
+    told, text = sheet_to_json(sheet)["drive_off"], render_sign(sheet)
+    assert [row["gain"] for row in told] == [-0.03, -0.01, 0.0, 0.01, 0.03]
+    for row, kept in zip(told, sheet.certification.drive_off, strict=True):
+        assert row["v_u_cm_s"] == kept.assessment.v_u_cm_s
+        assert f"{kept.assessment.v_u_cm_s:.2f} cm/s" in text
+    assert f"({N} of the new switches)" in text
+
+
+def test_an_older_certificate_is_signed_without_what_it_does_not_tell(
+    store: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    certification = sign(store, {}).certification
+    best = certification.best
+    silent = replace(best, contacts={}, response=replace(best.response, first_contact_us=None, n_impacts=None))
+    older = replace(certification, candidates=(silent, *certification.candidates[1:]), drive_off=())
+    monkeypatch.setattr("softclose_workflows.analyses.signing.read_certification", lambda path: older)
+    sheet = sign(store, {})
+    assert [line.quantity.name for line in sheet.lines] == [n for n in SHOWN if n not in ("contact_time", "impacts")]
+    assert "are a little off" not in render_sign(sheet)
+    with pytest.raises(SignError, match=r"impacts cannot be told from a certificate: .*certify again"):
+        sign(store, {"impacts": 20.0})

@@ -102,10 +102,27 @@ def told(config: CampaignConfig, response: Response, a: Assessment, *, fresh: bo
             "it with softclose.respond"
         )
     sampling = "monte-carlo" if fresh else config.population.sampling
-    return {q.name: _value(q, np.asarray(columns)[:, k], a, sampling) for k, q in enumerate(wanted)}
+    return {q.name: value_of(q, np.asarray(columns)[:, k], a, sampling) for k, q in enumerate(wanted)}
 
 
-def _value(q: Quantity, column: FloatArray, a: Assessment, sampling: str) -> Value:
+def value_of(q: Quantity, column: FloatArray, a: Assessment, sampling: str) -> Value:
+    """The value of a quantity of switches or drives.
+
+    Parameters
+    ----------
+    q : Quantity
+        What it is.
+    column : ndarray
+        (n,) of each switch.
+    a : Assessment
+        Whose level and confidence apply.
+    sampling : str
+        How the switches were drawn: one quasi-random sample has no interval.
+
+    Returns
+    -------
+    Value
+    """
     found = q.of_column(column, level=a.level, confidence=a.confidence, has_interval=sampling == "monte-carlo")
     if sampling != "replicated" or q.per == "drive" or math.isnan(found.estimate):
         return found

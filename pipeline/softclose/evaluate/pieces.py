@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -92,6 +92,8 @@ def light(found: Any) -> Judged:
         status=np.asarray(found.status, dtype=np.int8),
         settling_us=np.asarray(found.settling_us, dtype=np.float64),
         asked=found.asked,
+        first_contact_us=np.asarray(found.first_contact_us, dtype=np.float64),
+        n_impacts=np.asarray(found.n_impacts, dtype=np.int32),
     )
 
 
@@ -117,12 +119,8 @@ def joined_judged(parts: Sequence[Judged]) -> Judged:
     """What is judged of several lots, one after the other."""
     if len(parts) == 1:
         return parts[0]
-    settling = [part.settling_us for part in parts if part.settling_us is not None]
-    asked = [part.asked for part in parts if part.asked is not None]
-    return Judged(
-        max_contact_speed=np.concatenate([part.max_contact_speed for part in parts]),
-        closed=np.concatenate([part.closed for part in parts]),
-        status=np.concatenate([part.status for part in parts]),
-        settling_us=np.concatenate(settling) if len(settling) == len(parts) else None,
-        asked=np.concatenate(asked) if len(asked) == len(parts) else None,
-    )
+    joined: dict[str, Any] = {}
+    for field in fields(Judged):
+        own = [getattr(part, field.name) for part in parts]
+        joined[field.name] = None if any(values is None for values in own) else np.concatenate(own)
+    return Judged(**joined)

@@ -218,6 +218,8 @@ def _impacts(c: Closing) -> FloatArray:
 
 
 def _touched(c: Closing, values: FloatArray) -> FloatArray:
+    if c.response.n_impacts is None:
+        raise QuantityError("the response does not tell its contacts: where it is an old certificate's, certify again")
     return np.where(np.asarray(c.response.n_impacts) > 0, values, math.nan)
 
 
@@ -237,9 +239,13 @@ def _sum(c: Closing, each: FloatArray) -> FloatArray:
     return _touched(c, np.nansum(each, axis=1))
 
 
+def _contact(c: Closing) -> FloatArray:
+    return _touched(c, np.asarray(c.response.first_contact_us, dtype=np.float64))
+
+
 def _bounce(c: Closing) -> FloatArray:
     held = np.where(np.asarray(c.response.closed), np.asarray(c.response.settling_us), math.nan)
-    return np.asarray(held - np.asarray(c.response.first_contact_us))
+    return np.asarray(held - _contact(c))
 
 
 def _closed(c: Closing, values: FloatArray) -> FloatArray:
@@ -346,6 +352,9 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity(
             name="impacts", unit="1", long_name="number of impacts", per="switch",
             values=lambda c: _touched(c, np.asarray(c.response.n_impacts, dtype=np.float64)),
+        ),
+        Quantity(
+            name="contact_time", unit="µs", long_name="instant of the first contact", per="switch", values=_contact,
         ),
         Quantity(
             name="bounce_time", unit="µs", long_name="time from the first contact until it is held", per="switch",

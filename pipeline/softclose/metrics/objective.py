@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -72,6 +72,18 @@ class Judged:
     """(n,) instant from which it is held to the horizon [µs]; inf: never; None: not known."""
     asked: FloatArray | None = None
     """(n, k) what else a campaign asks for of each switch, NaN where it has none; None: not known."""
+    first_contact_us: FloatArray | None = None
+    """(n,) instant of the first impact [µs]; inf: never; None: not known."""
+    n_impacts: NDArray[np.int32] | None = None
+    """(n,) impacts within the horizon; None: not known."""
+
+    def first(self, n: int) -> Judged:
+        """What is judged of the first n switches."""
+        columns: dict[str, Any] = {}
+        for field in fields(self):
+            values = getattr(self, field.name)
+            columns[field.name] = None if values is None else values[:n]
+        return Judged(**columns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

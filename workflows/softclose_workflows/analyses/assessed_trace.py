@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from softclose.evaluate import judge
 from softclose.evaluate.pieces import Mapper, here
+from softclose.evaluate.quantities import Value
+from softclose.evaluate.touching import contacts
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.settings import CampaignConfig, load_config
@@ -44,6 +47,10 @@ class AssessedTrace:
     """The trace against it, switch by switch."""
     config: CampaignConfig
     """Lot and objective."""
+    contacts: Mapping[str, Value] = field(default_factory=dict)
+    """When the switches first touch, and how often they hit."""
+    best_contacts: Mapping[str, Value] = field(default_factory=dict)
+    """The same of the campaign's best waveform."""
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -105,6 +112,8 @@ def assess_trace(
         if best is None
         else compare((judged[0], assessments[0]), (judged[1], assessments[1]), config.objective.confidence),
         config=config,
+        contacts=contacts(config, judged[0], assessments[0], fresh=True),
+        best_contacts={} if best is None else contacts(config, judged[1], assessments[1], fresh=True),
     )
 
 

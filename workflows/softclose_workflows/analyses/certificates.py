@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate.asked import asked
-from softclose.evaluate.quantities import quantity
-from softclose.metrics.objective import Judged
+from softclose.evaluate.quantities import Quantity
 from softclose.population.lot import COLUMNS, Lot
 from softclose.settings import CampaignConfig
 from softclose_store import (
@@ -31,7 +29,6 @@ from softclose_store import (
     read_group,
     write_group,
 )
-from softclose_store.schema.fields import RESULTS, PopulationColumn, asked_fields
 from softclose_workflows.analyses.certification import (
     Certification,
     CertifyError,
@@ -39,6 +36,8 @@ from softclose_workflows.analyses.certification import (
     assemble,
     candidate_of,
 )
+from softclose_workflows.analyses.drive_off import DriveOff, drive_off_of
+from softclose_workflows.analyses.judged_arrays import figure_arrays, response_arrays, response_of
 from softclose_workflows.run import records
 from softclose_workflows.run.opening import opening_arrays, openings_of, parameters
 
@@ -46,8 +45,8 @@ GROUP = "certification"
 """Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
 
 
-ASKED = "switch_"
-"""What arrays of further quantities of each fresh switch begin with; those without it are of the lot."""
+OFF = "off_"
+"""What arrays of the best candidate under drives that are a little off begin with."""
 _NAME = re.compile(rf"{GROUP}/(\d+)-(\d+)")
 
 
@@ -102,23 +101,16 @@ def _certification(campaign: Campaign, group: ResultGroup) -> Certification:
     config = CampaignConfig.from_dict(campaign.config)
     a = group.arrays
     names = [str(name) for name in a["design"]]
-    further = [q.name for q in asked(config)]
+    further = asked(config)
     waveforms = {name: records.unpadded(rows) for name, rows in zip(names, a["waveform"], strict=True)}
-    responses = {
-        name: Judged(
-            max_contact_speed=a["max_contact_speed"][i],
-            closed=a["closed"][i],
-            status=a["status"][i],
-            settling_us=a["settling"][i] if "settling" in a else None,  # version 0.1 kept none
-            asked=np.stack([a[f"{ASKED}{name}"][i] for name in further], axis=-1) if further else None,
-        )
-        for i, name in enumerate(names)
-    }
+    responses = {name: response_of(a, i, further) for i, name in enumerate(names)}
     certified = sorted(i for i in map(candidate_of, names) if i is not None)
     # Version 0.1 kept neither the list nor what was missing.
     legacy = {"candidates": certified, "top": len(certified), "missing": {}}
     result = assemble(campaign, config, waveforms, responses, request_of(legacy | group.attributes))
-    return replace(result, openings=openings_of(config, a))
+    gains = a["drive_gain"].tolist() if "drive_gain" in a else []
+    off = tuple(drive_off_of(config, gain, response_of(a, k, further, OFF)) for k, gain in enumerate(gains))
+    return replace(result, openings=openings_of(config, a), drive_off=off)
 
 
 def request_of(attributes: Mapping[str, Any]) -> Request:
@@ -145,9 +137,6 @@ def write_certificate(path: str, result: Certification, lot: Lot | None) -> None
     """
     designs = [*result.candidates, *result.references]
 
-    def per_switch(values: list[NDArray[Any]], unit: str, meaning: str) -> GroupArray:
-        return GroupArray(dims=("design", "fresh_switch"), values=np.stack(values), unit=unit, long_name=meaning)
-
     arrays = {
         "design": GroupArray(dims=("design",), values=np.array([d.name for d in designs]), long_name="design"),
         "candidate": GroupArray(
@@ -162,19 +151,6 @@ def write_certificate(path: str, result: Certification, lot: Lot | None) -> None
             long_name="start, rise, peak, volts; a peak of inf holds, rows of NaN are absent",
         ),
         "parameter": parameters(),
-        "max_contact_speed": per_switch(
-            [d.response.max_contact_speed for d in designs], "µm/µs", "V of Eq. 7; NaN: never touched"
-        ),
-        "closed": per_switch([d.response.closed for d in designs], "1", "held in contact at the horizon"),
-        "status": per_switch([d.response.status for d in designs], "1", "outcome of the integration; 0: ok"),
-        "settling": per_switch(
-            [
-                np.full(d.response.closed.shape, math.nan) if d.response.settling_us is None else d.response.settling_us
-                for d in designs
-            ],
-            "µs",
-            "instant from which it is held to the horizon; inf: never, NaN: not known",
-        ),
         "training_g_cm_s": GroupArray(
             dims=("design",),
             unit="cm/s",
@@ -187,18 +163,11 @@ def write_certificate(path: str, result: Certification, lot: Lot | None) -> None
             values=np.array([0 if d.training is None else d.training.n_switches for d in designs]),
         ),
     }
-    for k, q in enumerate(asked(CampaignConfig.from_dict(open_campaign(path).config))):
-        columns = [d.response.asked[:, k] for d in designs if d.response.asked is not None]
-        arrays[f"{ASKED}{q.name}"] = per_switch(columns, q.unit, q.long_name)
-    assessed = [records.assessment_record(d.assessment, d.values) for d in designs]
-    wanted = [PopulationColumn(n, quantity(n).unit, quantity(n).long_name) for n in designs[0].values]
-    fields = {field.name: field for field in (*RESULTS, *asked_fields(wanted))}
-    for name, first in assessed[0].items():
-        if name not in ("failed", "failure"):
-            dims = ("design", "limit") if isinstance(first, np.ndarray) else ("design",)
-            field = fields[name]
-            values = np.array([record[name] for record in assessed])
-            arrays[name] = GroupArray(dims=dims, values=values, unit=field.unit, long_name=field.long_name)
+    further = asked(CampaignConfig.from_dict(open_campaign(path).config))
+    arrays |= response_arrays([d.response for d in designs], ("design", "fresh_switch"), further)
+    arrays |= figure_arrays([(d.assessment, {**d.values, **d.contacts}) for d in designs], "design")
+    if result.drive_off:
+        arrays |= _drive_off_arrays(result.drive_off, further)
     limits = [e.limit_cm_s for e in result.best.assessment.p_exceed]
     arrays["limit"] = GroupArray(dims=("limit",), values=np.array(limits), unit="cm/s", long_name="contact-speed limit")
     if result.openings is not None:
@@ -228,3 +197,20 @@ def write_certificate(path: str, result: Certification, lot: Lot | None) -> None
         },
         replace=True,
     )
+
+
+def _drive_off_arrays(rows: Sequence[DriveOff], further: Sequence[Quantity]) -> dict[str, GroupArray]:
+    """What the first new switches do under the best candidate where the drive is off, and its figures."""
+    n = rows[0].response.closed.size
+    return {
+        "drive_gain": GroupArray(
+            dims=("drive_gain",),
+            values=np.array([row.gain for row in rows]),
+            long_name="relative error of the drive's volts, of the best candidate",
+        ),
+        "off_switch": GroupArray(
+            dims=("off_switch",), values=np.arange(n), long_name="index of the fresh switch, of the first ones"
+        ),
+        **response_arrays([row.response for row in rows], ("drive_gain", "off_switch"), further, OFF),
+        **figure_arrays([(row.assessment, {}) for row in rows], "drive_gain", OFF),
+    }

@@ -9,12 +9,14 @@ from dataclasses import dataclass, field
 from softclose.evaluate import judge
 from softclose.evaluate.asked import told
 from softclose.evaluate.quantities import Value
+from softclose.evaluate.touching import contacts
 from softclose.metrics.objective import Assessment, Judged
 from softclose.metrics.paired import Comparison, compare
 from softclose.opening import Openings
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import Campaign
+from softclose_workflows.analyses.drive_off import DriveOff
 
 
 class CertifyError(ValueError):
@@ -53,6 +55,8 @@ class Certified:
     """The campaign's own scores; None for a reference design."""
     values: Mapping[str, Value] = field(default_factory=dict)
     """Further quantities that the campaign asks for."""
+    contacts: Mapping[str, Value] = field(default_factory=dict)
+    """When the switches first touch, and how often they hit; {} where nobody has told."""
 
     @property
     def optimism_cm_s(self) -> float:
@@ -92,6 +96,13 @@ class Certification:
     """Reference designs on the same switches."""
     openings: Openings | None = None
     """How the best candidate opens, on the same switches; None where the campaign designs no opening."""
+    drive_off: tuple[DriveOff, ...] = ()
+    """The best candidate where the drive is too weak or too strong; () where nobody has told."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether everything is known that is certified today; older versions wrote less."""
+        return bool(self.drive_off and self.best.contacts)
 
     @property
     def n_switches(self) -> int:
@@ -166,6 +177,7 @@ def assemble(
             assessment=assessment,
             training=training,
             values=told(config, responses[name], assessment, fresh=True),
+            contacts=contacts(config, responses[name], assessment, fresh=True),
         )
         (references if i is None else candidates).append(certified)
     # Ties stay in the order of the campaign, so that the order depends on nothing but the candidates.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from softclose.evaluate.quantities import Value, quantity
 from softclose.metrics.intervals import Interval, Proportion
+from softclose_workflows.analyses.drive_off import drive_off_to_json
 from softclose_workflows.analyses.hold import Hold, hold_lines
 from softclose_workflows.analyses.opening import openings_to_json, print_openings
 from softclose_workflows.analyses.references import beaten_lines, missing_lines
@@ -29,7 +30,7 @@ def print_certification(result: Certification, holds: Sequence[Hold] = ()) -> No
     print_designs(
         f"Certified on {result.n_switches:,} new switches (seed {result.seed})",
         [
-            (_label(result, d), waveform_rows(d.waveform.rows()), records.assessment_record(d.assessment))
+            (_label(result, d), waveform_rows(d.waveform.rows()), records.assessment_record(d.assessment, d.contacts))
             for d in (*result.candidates, *result.references)
         ],
         interval_kinds(result.best.assessment.confidence, result.n_switches),
@@ -143,10 +144,8 @@ def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> 
                 "n_switches": d.training.n_switches,
             },
             "optimism_cm_s": d.optimism_cm_s,
-            "quantities": {
-                name: {"estimate": value.estimate, "interval": list(value.interval), "unit": quantity(name).unit}
-                for name, value in d.values.items()
-            },
+            "quantities": _quantities(d.values),
+            "contacts": _quantities(d.contacts),
             **d.assessment.to_dict(),
         }
 
@@ -158,6 +157,7 @@ def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> 
             "incumbent": result.incumbent,
             "warning": result.best.assessment.open_warning,
             "hold": [hold.to_dict() for hold in holds],
+            "drive_off": drive_off_to_json(result.drive_off),
             "candidates": [design(d) for d in result.candidates],
             "references": [design(d) for d in result.references],
             "missing_references": dict(result.missing),
@@ -166,3 +166,10 @@ def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> 
         }
     )
     return plain
+
+
+def _quantities(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
+    return {
+        name: {"estimate": value.estimate, "interval": list(value.interval), "unit": quantity(name).unit}
+        for name, value in values.items()
+    }

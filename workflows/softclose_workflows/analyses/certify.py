@@ -15,8 +15,7 @@ import numpy as np
 
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
-from softclose.evaluate.asked import asked
-from softclose.evaluate.pieces import Mapper, Sent, here, light, rows_of_pieces
+from softclose.evaluate.pieces import Mapper, Sent, here, joined_judged, light, rows_of_pieces
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
 from softclose.metrics.ranking import is_beyond
@@ -33,6 +32,7 @@ from softclose_workflows.analyses.certification import CertifyError as CertifyEr
 from softclose_workflows.analyses.certification import Request, assemble, candidate_name
 from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
 from softclose_workflows.analyses.distinct import distinct
+from softclose_workflows.analyses.drive_off import MOST, off_by_drive
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
 from softclose_workflows.run.opening import designed_opening
@@ -68,7 +68,7 @@ def certify(
     stored = _stored(path, name_of(n_switches, seed))
     known = () if stored is None else stored.request.candidates
     unchanged = stored is not None and (stored.incumbent, stored.committed) == (incumbent, campaign.committed)
-    if stored is not None and unchanged and {*chosen} <= {*known}:
+    if stored is not None and stored.is_whole and unchanged and {*chosen} <= {*known}:
         return stored
     needs.check_fresh(n_switches, len({*chosen, *known}) + N_REFERENCES, path=path)
     references = reference_designs(config)
@@ -81,7 +81,8 @@ def certify(
         candidates=tuple(sorted({*chosen, *known})),
         missing=references.missing,
     )
-    have = {} if stored is None else {d.name: d.response for d in (*stored.candidates, *stored.references)}
+    designs = () if stored is None or not stored.is_whole else (*stored.candidates, *stored.references)
+    have = {d.name: d.response for d in designs}
     result = certified_on(campaign, config, request, have, mapper=mapper, listener=listener)
     write_certificate(path, result, fresh_switches(config, n_switches, seed=seed))
     return result
@@ -165,7 +166,12 @@ def certified_on(
         listener=listener,
     )
     result = assemble(campaign, config, waveforms, have | dict(zip(new, responses, strict=True)), request)
-    return replace(result, openings=_openings(campaign, config, result, mapper))
+    best, lot = result.best, fresh_switches(config, min(request.n_switches, MOST), seed=request.seed)
+    return replace(
+        result,
+        openings=_openings(campaign, config, result, mapper),
+        drive_off=off_by_drive(config, lot, best.waveform, best.response, mapper=mapper),
+    )
 
 
 def _openings(campaign: Campaign, config: CampaignConfig, result: Certification, mapper: Mapper) -> Openings | None:
@@ -213,36 +219,18 @@ def simulate_fresh(
 
     for_everybody: the waveforms that are tailored to no switch, whatever the campaign measures. mapper: who simulates.
     """
-    v = np.empty((len(waveforms), n_switches))
-    closed = np.empty(v.shape, dtype=np.bool_)
-    status = np.empty(v.shape, dtype=np.int8)
-    settling = np.empty(v.shape)
-    further = np.empty((*v.shape, len(asked(config))))
     sent, drives, whole = Sent(config), tuple(waveforms), frozenset(for_everybody)
     cut = rows_of_pieces(config, n_switches, n_waveforms=len(waveforms)) if waveforms else []
     answers = mapper(
         _simulate_fresh,
         [FreshSwitches(sent, seed, range(start + r.start, start + r.stop), drives, whole) for r in cut],
     )
+    parts: list[list[Judged]] = []
     for own, found in zip(cut, answers, strict=True):
-        rows = slice(own.start, own.stop)
-        for i, response in enumerate(found):
-            v[i, rows], closed[i, rows] = response.max_contact_speed, response.closed
-            status[i, rows], settling[i, rows] = response.status, response.settling_us
-            if response.asked is not None:
-                further[i, rows] = response.asked
+        parts.append(found)
         if listener is not None:
-            listener(own.stop * len(waveforms), v.size)
-    return [
-        Judged(
-            max_contact_speed=v[i],
-            closed=closed[i],
-            status=status[i],
-            settling_us=settling[i],
-            asked=further[i] if further.shape[-1] else None,
-        )
-        for i in range(len(waveforms))
-    ]
+            listener(own.stop * len(waveforms), n_switches * len(waveforms))
+    return [joined_judged([found[i] for found in parts]) for i in range(len(waveforms))]
 
 
 @dataclass(frozen=True, slots=True)

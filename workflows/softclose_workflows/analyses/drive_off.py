@@ -6,18 +6,21 @@ A model that has the pull-in voltage 1 % too high is a drive that is 1 % too str
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from softclose.evaluate.pieces import Mapper, here
-from softclose.uncertainty.tolerance import DriveError, DriveTolerance
-from softclose_workflows.analyses.certification import Certification
-from softclose_workflows.analyses.chosen import choose
-from softclose_workflows.analyses.drive_errors import tolerance_of
+from softclose.evaluate import judge
+from softclose.evaluate.pieces import Mapper, Sent, Work, here, respond_to_all
+from softclose.metrics.objective import Assessment, Judged
+from softclose.population.lot import Lot
+from softclose.settings import CampaignConfig
+from softclose.uncertainty.tolerance import driven
+from softclose.waveform import Waveform
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import share, with_interval
 
-GAINS = (-0.03, -0.01, 0.01, 0.03)
+GAINS = (-0.03, -0.01, 0.0, 0.01, 0.03)
 """Relative errors of the drive's volts."""
 MOST = 4_000
 """New switches at most: the question is by how much the figures move, not what they are."""
@@ -25,25 +28,49 @@ QUICK_S = 5.0
 """What is computed in this process, about [s]: no cluster is started for it."""
 
 
-def off_by_drive(path: str, result: Certification, *, mapper: Mapper = here) -> tuple[DriveTolerance, ...]:
-    """The best certified candidate with every drive too low or too high, after the drive as it is.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveOff:
+    """The best candidate at one error of the drive."""
 
-    path: of the store; result: its certification, whose first switches they are. mapper: whom to ask where the device
-    model says that it takes longer than a cluster takes to start.
+    gain: float
+    """Relative error of the volts."""
+    response: Judged
+    """What the first new switches did."""
+    assessment: Assessment
+    """How that is judged."""
+
+    @property
+    def name(self) -> str:
+        """`volts +1 %`; `as it is`."""
+        return f"volts {100.0 * self.gain:+g} %" if self.gain else "as it is"
+
+
+def off_by_drive(
+    config: CampaignConfig, lot: Lot, waveform: Waveform, response: Judged, *, mapper: Mapper = here
+) -> tuple[DriveOff, ...]:
+    """A waveform with every drive too weak or too strong, the weakest first.
+
+    lot: new switches; response: what they, and perhaps more behind them, did under the drive as it is. mapper: whom to
+    ask where the device model says that it takes longer than a cluster takes to start.
     """
-    chosen = choose(path, result.best.candidate)
-    errors = [DriveError(gain=gain) for gain in GAINS]
-    n = min(result.n_switches, MOST)
-    quick = (len(errors) + 1) * n * chosen.config.seconds_a_switch < QUICK_S
-    return tuple(tolerance_of(chosen, errors, n_switches=n, mapper=here if quick else mapper))
+    sent, wrong = Sent(config), [gain for gain in GAINS if gain]
+    works = [Work(sent=sent, lot=driven(lot, gain), drive=waveform) for gain in wrong]
+    quick = len(wrong) * len(lot) * config.seconds_a_switch < QUICK_S
+    found = dict(zip(wrong, respond_to_all(works, here if quick else mapper), strict=True))
+    return tuple(drive_off_of(config, gain, found.get(gain, response.first(len(lot)))) for gain in GAINS)
 
 
-def drive_off_to_json(rows: Sequence[DriveTolerance]) -> list[dict[str, Any]]:
+def drive_off_of(config: CampaignConfig, gain: float, response: Judged) -> DriveOff:
+    """One error of the drive from what the switches did under it."""
+    return DriveOff(gain=gain, response=response, assessment=judge(config, response, fresh=True))
+
+
+def drive_off_to_json(rows: Sequence[DriveOff]) -> list[dict[str, Any]]:
     """One object a row; undefined numbers are null."""
     return [
         finite(
             {
-                "gain": row.error.gain,
+                "gain": row.gain,
                 "n": row.assessment.n,
                 "v_u_cm_s": row.assessment.v_u_cm_s,
                 "v_u_interval": list(row.assessment.v_u_interval),
@@ -55,13 +82,20 @@ def drive_off_to_json(rows: Sequence[DriveTolerance]) -> list[dict[str, Any]]:
     ]
 
 
-def print_drive_off(rows: Sequence[DriveTolerance]) -> None:
-    """One line a row, for people."""
-    console = wide_console()
-    console.print(f"the best, where drive or model is off ({rows[0].assessment.n:,} of the new switches):")
-    for row in sorted(rows, key=lambda r: r.error.gain):
-        a, gain = row.assessment, 100.0 * row.error.gain
+def drive_off_lines(rows: Sequence[DriveOff]) -> list[str]:
+    """A heading and one line a row, for people; [] without any."""
+    if not rows:
+        return []
+    lines = [f"the best, where drive or model is off ({rows[0].assessment.n:,} of the new switches):"]
+    for row in rows:
+        a = row.assessment
         speed = with_interval(a.v_u_cm_s, *a.v_u_interval)
-        open_ = share(a.p_nc, *a.p_nc_intervals.wilson)
-        name = f"volts {gain:+g} %" if gain else "as it is"
-        console.print(f"  {name:>11}: v_u {speed} cm/s, left open {open_}")
+        lines.append(f"  {row.name:>11}: v_u {speed} cm/s, left open {share(a.p_nc, *a.p_nc_intervals.wilson)}")
+    return lines
+
+
+def print_drive_off(rows: Sequence[DriveOff]) -> None:
+    """The same, printed."""
+    console = wide_console()
+    for line in drive_off_lines(rows):
+        console.print(line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from softclose.evaluate import judge
+from softclose.evaluate.touching import contacts
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
@@ -10,7 +11,7 @@ from softclose_workflows.analyses.opening import opening_words
 from softclose_workflows.analyses.references import beaten_lines, missing_lines, simulate_references
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.opening import read_opening
-from softclose_workflows.run.records import assessment_record
+from softclose_workflows.run.records import assessment_record, value_record
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import read_standing
 from softclose_workflows.tell.tables import interval_kinds, print_designs, trouble_lines
@@ -32,25 +33,29 @@ def print_result(path: str) -> None:
         )
     switches = Lot(campaign.population()).rows(slice(best.n_switches))
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
+    response = campaign.responses(best.candidate)
+    found = judge(config, response)
     kind = interval_kinds(config.objective.confidence, best.n_switches, config.population.sampling).removesuffix(".")
     references = simulate_references(config, switches)
+    judged = {name: (design, r, judge(config, r)) for name, (design, r) in references.responses.items()}
     print_designs(
         f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
         [
             *(
-                (name, waveform_rows(design.rows()), assessment_record(judge(config, response)))
-                for name, (design, response) in references.responses.items()
+                (name, waveform_rows(design.rows()), assessment_record(a, contacts(config, r, a)))
+                for name, (design, r, a) in judged.items()
             ),
-            (f"best (candidate {best.candidate})", waveform_rows(best.waveform), record),
+            (
+                f"best (candidate {best.candidate})",
+                waveform_rows(best.waveform),
+                value_record(contacts(config, response, found)) | record,
+            ),
         ],
         f"{kind}; training scores are optimistic: run `softclose certify`",
     )
-    found = judge(config, campaign.responses(best.candidate))
     said = [found.limit.sentence] if found.limit is not None else []
     said = [*filter(None, [found.open_warning]), *said]
-    beaten = beaten_lines(
-        found, {name: judge(config, response) for name, (_, response) in references.responses.items()}
-    )
+    beaten = beaten_lines(found, {name: a for name, (_, _, a) in judged.items()})
     for line in [*said, *beaten, *missing_lines(references.missing), *trouble_lines(read_standing(path))]:
         print(line)
     openings = read_opening(path, best.candidate)

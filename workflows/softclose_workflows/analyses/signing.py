@@ -23,16 +23,19 @@ from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import Certification, Certified
 from softclose_workflows.analyses.certify import fresh_switches, read_certification
+from softclose_workflows.analyses.drive_off import drive_off_to_json
 from softclose_workflows.analyses.references import UNSHAPED
 from softclose_workflows.tell.assumptions import assumptions
 from softclose_workflows.tell.plain import finite, waveform_rows
 
 Verdict = Literal["pass", "fail", "not established", "not judged"]
 
-SHOWN = ("v_u", "p_nc", "mean", "closing", "hold_margin", "contact_force", "peak", "slope")
+SHOWN = ("v_u", "p_nc", "mean", "contact_time", "closing", "impacts", "hold_margin", "contact_force", "peak", "slope")
 """What a sheet shows, with a limit or without."""
-ASK_IMPACTS = ("impact_energy", "impact_energy_sum", "impulse", "impulse_sum", "impacts", "bounce_time")
+ASK_IMPACTS = ("impact_energy", "impact_energy_sum", "impulse", "impulse_sum")
 """What a certificate does not tell: it keeps no single impacts."""
+NEW = ("contact_time", "impacts")
+"""What older certificates do not tell: left out of the sheet unless it has a limit."""
 
 
 class SignError(ValueError):
@@ -142,7 +145,8 @@ def sign(path: str, limits: Mapping[str, float]) -> Sheet:
     best = certification.best
     lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
     closing = Closing.of(config, lot, best.waveform, cast(Responses, best.response))
-    names = [*SHOWN, *(name for name in limits if name not in SHOWN)]
+    shown = [name for name in SHOWN if name in limits or name not in NEW or best.contacts]
+    names = [*shown, *(name for name in limits if name not in SHOWN)]
     return Sheet(
         store=path,
         config=config,
@@ -210,6 +214,7 @@ def sheet_to_json(sheet: Sheet) -> dict[str, Any]:
                 }
                 for line in sheet.lines
             ],
+            "drive_off": drive_off_to_json(c.drive_off),
             "confidence": best.assessment.confidence,
             "level": best.assessment.level,
             "candidate": best.candidate,

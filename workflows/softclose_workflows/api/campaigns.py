@@ -20,6 +20,7 @@ from softclose_workflows.analyses import drive_errors
 from softclose_workflows.analyses import rescore as rescoring
 from softclose_workflows.analyses.certification import Certification
 from softclose_workflows.analyses.certify import certify as certify_store
+from softclose_workflows.analyses.drive_off import drive_off_lines
 from softclose_workflows.analyses.finalists import certify_within
 from softclose_workflows.analyses.hold import hold_lines, holds_of
 from softclose_workflows.api.results import CampaignRun, Result, metrics, warned
@@ -196,7 +197,11 @@ def certify(
         value=found,
         title=f"{path} on {found.n_switches:,} new switches",
         rows=rows,
-        notes=(*warned(found.best.assessment), *hold_lines(holds, found.best.assessment.level)),
+        notes=(
+            *warned(found.best.assessment),
+            *hold_lines(holds, found.best.assessment.level),
+            *drive_off_lines(found.drive_off),
+        ),
         figure=lambda: CampaignRun(path).plot("densities"),
     )
 

@@ -122,13 +122,13 @@ def assess(
             f"{trace}\n{len(read.times_us):,} samples, {len(drive.times_us):,} lines, "
             f"up to {drive.max_voltage(found.config.model.horizon_us):.2f} V",
             [],
-            records.assessment_record(found.assessment),
+            records.assessment_record(found.assessment, found.contacts),
         )
     ]
     if found.best is not None and found.best_assessment is not None:
         name = f"candidate {found.best.candidate} ({found.best.why})"
         best = waveform_rows(found.best.waveform.rows())
-        rows.append((name, best, records.assessment_record(found.best_assessment)))
+        rows.append((name, best, records.assessment_record(found.best_assessment, found.best_contacts)))
     kinds = interval_kinds(found.assessment.confidence, switches)
     print_designs(f"On {switches:,} new switches (seed {found.seed})", rows, kinds)
     if found.comparison is not None and found.best is not None:

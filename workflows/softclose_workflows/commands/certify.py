@@ -60,7 +60,7 @@ def certify(
     from softclose_store import open_campaign
     from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification, print_race
     from softclose_workflows.analyses.certify import certify as run
-    from softclose_workflows.analyses.drive_off import drive_off_to_json, off_by_drive, print_drive_off
+    from softclose_workflows.analyses.drive_off import print_drive_off
     from softclose_workflows.analyses.finalists import certify_within
     from softclose_workflows.analyses.hold import holds_of
     from softclose_workflows.run.crew import open_crew
@@ -74,13 +74,12 @@ def certify(
             result = run(store, **options, mapper=crew, listener=listener)
         else:
             result, race = certify_within(store, within_cm_s, **options, mapper=crew, listener=listener)
-        off = off_by_drive(store, result, mapper=crew)
     holds = holds_of(CampaignConfig.from_dict(open_campaign(store).config), result)
     if as_json:
         raced = {} if race is None else {"race": race.to_dict()}
-        click.echo(json_text(certification_to_json(result, holds) | raced | {"drive_off": drive_off_to_json(off)}))
+        click.echo(json_text(certification_to_json(result, holds) | raced))
         return
     print_certification(result, holds)
-    print_drive_off(off)
+    print_drive_off(result.drive_off)
     if race is not None:
         print_race(race)

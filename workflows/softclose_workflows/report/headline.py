@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from softclose.evaluate.touching import contacts
 from softclose.metrics.objective import Assessment
 from softclose.metrics.paired import Comparison
 from softclose.propose.origins import ORIGINS, label_of
@@ -41,6 +42,9 @@ def headline(data: ReportData) -> dict[str, Any]:
         else [],
         "picture": drive_picture(best.waveform, data.config.model.horizon_us, data.config.waveform.max_volts),
         "rows": _rows(data, designs),
+        "closing": _closing(data, designs),
+        "drive_off": off_rows(certification),
+        "n_off": count(certification.drive_off[0].assessment.n) if certification and certification.drive_off else "",
         "limit": a.p_exceed[0].limit_cm_s if a.p_exceed else None,
         "level": 100.0 * a.level,
         "horizon": data.config.model.horizon_us,
@@ -113,6 +117,43 @@ def _rows(data: ReportData, designs: tuple[Design, ...]) -> list[dict[str, Any]]
     for other in designs[1:]:
         rows += [_row(_capital(other.name), other.assessment, "reference"), _difference(best.against(other), paired)]
     return rows
+
+
+def _closing(data: ReportData, designs: tuple[Design, ...]) -> list[list[tuple[str, str]]]:
+    """A row a design: its name, then first contact, closing time and impacts, each with its interval; [] where nobody
+    has told of contacts."""
+    fresh = data.certification is not None
+    rows: list[list[tuple[str, str]]] = []
+    for design in designs:
+        a = design.assessment
+        found = contacts(data.config, design.response, a, fresh=fresh)
+        if not found:
+            return []
+        times = (found["contact_time"].estimate, found["contact_time"].interval), (a.closing_us, a.closing_interval)
+        impacts = found["impacts"]
+        name = "This drive" if not rows else _capital(design.name)
+        rows.append(
+            [
+                (name, ""),
+                *((f"{number(value)} µs", interval(*ends)) for value, ends in times),
+                (number(impacts.estimate, 0), interval(*impacts.interval, 0)),
+            ]
+        )
+    return rows
+
+
+def off_rows(certification: Certification | None) -> list[list[tuple[str, str]]]:
+    """A row for each error of the drive: its name, v_u and share left open with their intervals; [] where none is
+    certified."""
+    return [
+        [
+            (_capital(row.name), ""),
+            (f"{number(a.v_u_cm_s, 2)} cm/s", interval(*a.v_u_interval, 2)),
+            (percent(a.p_nc, 2), percent_interval(*a.p_nc_intervals.wilson, 2)),
+        ]
+        for row in (() if certification is None else certification.drive_off)
+        for a in [row.assessment]
+    ]
 
 
 def _row(name: str, a: Assessment, kind: str) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import math
 
 from softclose_workflows.analyses.signing import Line, Sheet, versions_of, waveform_digest
 from softclose_workflows.report.drive_picture import drive_picture
+from softclose_workflows.report.headline import off_rows
 from softclose_workflows.report.page import render_plain
 from softclose_workflows.tell.assumptions import assumptions
 from softclose_workflows.tell.labels import count, interval, number, percent, percent_interval, pulse_lines
@@ -31,6 +32,8 @@ def render_sign(sheet: Sheet) -> str:
         confidence=100.0 * a.confidence,
         pulses=pulse_lines([tuple(row) for row in best.waveform.rows().tolist()]),
         picture=Markup(drive_picture(best.waveform, config.model.horizon_us, config.waveform.max_volts)),
+        drive_off=off_rows(sheet.certification),
+        n_off=count(sheet.certification.drive_off[0].assessment.n) if sheet.certification.drive_off else "",
         digest=waveform_digest(best.waveform),
         assumed=assumptions(config),
         versions=versions_of(sheet),

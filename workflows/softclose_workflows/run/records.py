@@ -80,9 +80,16 @@ def assessment_record(a: Assessment, values: Mapping[str, Value] | None = None) 
         ends = [getattr(e.probability, kind) for e in a.p_exceed]
         record[f"p_exceed_{kind}_lower"] = np.array([lower for lower, _ in ends])
         record[f"p_exceed_{kind}_upper"] = np.array([upper for _, upper in ends])
-    for name, value in (values or {}).items():
-        record |= {name: value.estimate, f"{name}_lower": value.interval[0], f"{name}_upper": value.interval[1]}
-    return record
+    return record | value_record(values or {})
+
+
+def value_record(values: Mapping[str, Value]) -> dict[str, float]:
+    """What is stored of further quantities: each with both ends of its interval."""
+    return {
+        f"{name}{end}": number
+        for name, value in values.items()
+        for end, number in zip(("", "_lower", "_upper"), (value.estimate, *value.interval), strict=True)
+    }
 
 
 def failed_record(reason: str) -> dict[str, Any]:

@@ -99,18 +99,32 @@ def share_open(p_nc: float, bounds: Interval, n_failed: int) -> str:
 def print_designs(
     title: str, designs: Sequence[tuple[str, Sequence[Sequence[float | None]], Mapping[str, Any]]], caption: str
 ) -> None:
-    """One row a design: name, waveform, metrics with intervals."""
+    """One row a design: name, waveform, metrics with intervals, and how it closes."""
     from rich.table import Table
 
     table = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_lines=True)
     for column in ("design", "waveform"):
         table.add_column(column)
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]", "closed after [µs]"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]", "closing"):
         table.add_column(column, justify="right", no_wrap=True)
     for name, rows, record in designs:
-        closing = with_interval(record["closing_us"], record["closing_lower_us"], record["closing_upper_us"], 1)
-        table.add_row(name, describe_waveform(rows), *metrics_row(record), closing)
+        table.add_row(name, describe_waveform(rows), *metrics_row(record), "\n".join(closing_lines(record)))
     wide_console().print(table)
+
+
+def closing_lines(record: Mapping[str, Any]) -> list[str]:
+    """`closed after 45.2 (45.0–45.4) µs`, then the first contact and the number of impacts where the record has them.
+
+    All three are what the level-quantile of the switches has at most.
+    """
+
+    held = with_interval(record["closing_us"], record["closing_lower_us"], record["closing_upper_us"], 1)
+    lines = [f"closed after {held} µs"]
+    for name, line, digits in (("contact_time", "first contact {} µs", 1), ("impacts", "{} impacts", 0)):
+        if name in record:
+            found = with_interval(record[name], record[f"{name}_lower"], record[f"{name}_upper"], digits)
+            lines.append(line.format(found))
+    return lines
 
 
 def beside(n_failed: int, n: int) -> str:
