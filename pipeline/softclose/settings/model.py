@@ -41,7 +41,8 @@ class ModelSection:
     film_width_um: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     """Shorter side of the film [µm]; 0: that of a square of the plate's area."""
     film_count: Annotated[float, Field(gt=0, le=1e6)] = 1.0
-    """Films of that size, the fingers of a comb for instance."""
+    """Films of that size, the fingers of a comb for instance; of a beam that bends, about 0.25 (fixed at one end) or
+    0.40 (at both) over 1 - 0.63 width / length."""
     film_mean_free_path_um: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     """Mean free path of the gas at 101.325 kPa [µm], which lets a thin film slip; 0: none. Air has 0.065."""
     film_pressure_kPa: Annotated[float, Field(gt=0, le=1e6)] = 101.325
