@@ -1,6 +1,7 @@
 """How often do the intervals of `calibrate --of` hold the truth? Synthetic readings with errors of the stated size.
 
 python benchmarks/identify_coverage.py --repetitions 400
+python benchmarks/identify_coverage.py --repetitions 300 --cases 2 4
 """
 
 from __future__ import annotations
@@ -41,8 +42,12 @@ CASES: dict[str, tuple[Losses, dict[str, float], tuple[Kind, ...], tuple[Kind, .
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=400)
-    n = parser.parse_args().repetitions
-    for name, (losses, truth, steps, static) in CASES.items():
+    parser.add_argument("--cases", type=int, nargs="+", choices=range(1, len(CASES) + 1), help="which of them [all]")
+    chosen = parser.parse_args()
+    n = chosen.repetitions
+    for i, (name, (losses, truth, steps, static)) in enumerate(CASES.items(), start=1):
+        if chosen.cases and i not in chosen.cases:
+            continue
         device = Device(
             name="single-mode",
             horizon_us=200.0,

@@ -125,7 +125,7 @@ def test_q_and_film_are_not_told_apart_by_a_quality_factor_and_are_by_closing_ti
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    """120 repetitions here; `python benchmarks/identify_coverage.py` has 400 of each of four kinds."""
+    """120 repetitions here; `python benchmarks/identify_coverage.py` has four kinds: docs/measurements/coverage.md."""
     truth = Model(switch=SWITCH * [1, 1, 1, 1.15], device=device(restitution=0.6))
     data = measured(truth, static=("pull-in", "resonance"))
     hits = {"M": 0, "force": 0, "restitution": 0}
