@@ -322,7 +322,7 @@ def test_a_certificate_says_when_the_switches_first_touch_and_how_often(store: s
     np.testing.assert_array_equal(arrays["n_impacts"][0], found.n_impacts)
     assert arrays["contact_time"][0] == best.contacts["contact_time"].estimate
     run = CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "-q"])
-    assert f"first contact {best.contacts['contact_time'].estimate:.1f} (" in run.stdout
+    assert f"touch {best.contacts['contact_time'].estimate:.1f} (" in run.stdout
     told = json.loads(CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "--json"]).stdout)
     assert told["candidates"][0]["contacts"]["impacts"]["estimate"] == best.contacts["impacts"].estimate
     assert [row["gain"] for row in told["drive_off"]] == list(GAINS)

@@ -36,7 +36,15 @@ def test_the_file_is_a_campaign_for_its_lot(population: str, effort: Any, n_puls
     assert config.waveform.space.startswith({2: "two", 3: "three"}[n_pulses])
     assert config.waveform.max_volts > load_population(population).summary()["U_pi_upper_V"]
     assert config.objective.max_open == config.objective.warn_open == 0.02
+    assert (config.model_error.force, config.model_error.time, config.n_cases) == (0.02, 0.01, 1)
     assert list(Draft202012Validator(SCHEMA).iter_errors(tomllib.loads(text))) == []
+
+
+def test_a_preset_for_an_own_lot_does_not_take_its_model_for_right() -> None:
+    """The published study's presets do, which reproduce it."""
+    own = {n for n in preset_names() if load_config(n).population.name not in population_names()}
+    assert {"actuator", "cantilever", "capacitive"} <= own
+    assert {n for n in preset_names() if not load_config(n).model_error.none} == own
 
 
 def test_numbers_in_the_comments_are_the_lot_s() -> None:
