@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, Self
 
@@ -12,6 +14,7 @@ from pydantic import BaseModel, Field
 from scipy.special import ndtri
 
 from conditions_of_campaigns import DRIVE
+from small_campaigns import COARSE, make_campaign
 from softclose import Pulse, Waveform, plugins, simulate
 from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
 from softclose.conditions.streams import Stream
@@ -23,6 +26,10 @@ from softclose.population.lot import COLUMNS, Column, Lot
 from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.uncertainty.sensitivity import sensitivity
 from softclose.uncertainty.tails import tail
+from softclose_store import open_campaign
+from softclose_workflows.report import sections
+from softclose_workflows.report.gather import gather
+from softclose_workflows.report.page import render_report
 
 CONFIG = load_config({})
 
@@ -121,6 +128,52 @@ def test_one_more_axis_term_limit_and_line_are_a_quantity(monkeypatch: pytest.Mo
     front = load_config({"optimiser": {"objectives": ["v_u", "momentum"]}, "objective": {"lines": ["momentum"]}})
     response = respond(front, lot, DRIVE)
     assert told(front, response, evaluate(front, lot, DRIVE))["momentum"].estimate == expected
+
+
+SECTION = '''
+from softclose_workflows.report.charts import axis, layout
+from softclose_workflows.report.section import Section
+
+class Heaviest(Section):
+    name, place = "heaviest", 25
+    html = """<p>The heaviest switch weighs {{ "%.6f"|format(found) }} µg, says {{ whose }}.</p>
+      {{ figure(figures, "heaviest", "All of them.") }}"""
+
+    def find(self, given):
+        return float(given.lot["M"].max())
+
+    def headings(self, found):
+        return "Mass & weight", "Mass"
+
+    def figures(self, found, data):
+        chart = {"y": [found], "x": [0.0]}
+        return {"heaviest": {"data": [chart], "layout": layout(axis("x"), axis("M"), height=99), "alt": "mass"}}
+
+    def told(self, found, data):
+        return {"whose": "<b>nobody</b>"}
+'''
+
+
+def test_one_more_report_section_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file in `report/sections`: found, drawn, in the list and in its place; strangers' text stays text."""
+    path = str(make_campaign(tmp_path / "a.zarr", *COARSE, "trim.measured=pull-in", "model.quality_factor=5"))
+    before = render_report(gather(path, learned=False, picks=False))
+    (tmp_path / "rooms").mkdir()
+    (tmp_path / "rooms" / "heaviest.py").write_text(SECTION)
+    monkeypatch.setattr(sections, "__path__", [*sections.__path__, str(tmp_path / "rooms")])
+    try:
+        data = gather(path, learned=False, picks=False)
+        page = render_report(data)
+    finally:
+        sys.modules.pop(f"{sections.__name__}.heaviest", None)
+    assert list(data.sections) == ["trim", "heaviest", "plainer"]
+    heaviest = Lot(open_campaign(path).population())["M"].max()
+    assert f"weighs {heaviest:.6f} µg, says &lt;b&gt;nobody&lt;/b&gt;." in page
+    assert '<li><a href="#heaviest">Mass</a></li>' in page
+    assert '<h2 id="h-heaviest">Mass &amp; weight</h2>' in page
+    assert 'data-figure="heaviest"' in page
+    assert page.index('id="trim"') < page.index('id="heaviest"') < page.index('id="plainer"')
+    assert "heaviest" not in before
 
 
 def test_one_more_device_model_touches_no_file(monkeypatch: pytest.MonkeyPatch) -> None:

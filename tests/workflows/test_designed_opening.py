@@ -166,8 +166,9 @@ def test_the_report_has_both(certified: str) -> None:
     certificate = read_certification(certified)
     assert certificate is not None
     assert certificate.openings is not None
-    assert data.openings is not None
-    assert data.openings.plain.n == certificate.openings.plain.n > 60, "the new switches', not the training ones'"
+    assert data.sections["opening"].plain.n == certificate.openings.plain.n > 60, (
+        "the new switches', not the training ones'"
+    )
     page = render_report(data)
     assert 'id="opening"' in page
     assert "new switches that were still closed then" in page

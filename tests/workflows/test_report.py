@@ -26,6 +26,7 @@ from softclose_workflows.report import charts, packed, shapes, summary
 from softclose_workflows.report.data import ReportData, Traces
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
+from softclose_workflows.report.sections.amplifier import delivered_chart
 from softclose_workflows.tell import labels
 
 LARGEST_BYTES = 8_000_000
@@ -386,7 +387,7 @@ def test_what_an_amplifier_delivers_is_drawn_beside_what_is_commanded(tmp_path: 
     )
     data = gather(str(make_campaign(tmp_path / "amplifier.zarr", *FINISHED, *settings)))
     assert data.best_design is not None
-    chart = charts.amplifier(data.best_design, data.config)
+    chart = delivered_chart(data.best_design, data.config)
     commanded, delivered = (np.array(trace["y"], dtype=float) for trace in chart["data"])
     t = np.array(chart["data"][0]["x"])
     np.testing.assert_allclose(commanded, data.best_design.waveform.voltage(t), rtol=1e-3, atol=1e-2)

@@ -16,11 +16,11 @@ from softclose.presets import find_preset
 from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
 from softclose_workflows.analyses.front import front_of
-from softclose_workflows.report import condition_charts, front_charts
-from softclose_workflows.report.conditions import N_TEMPERATURES
+from softclose_workflows.report import front_charts
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
+from softclose_workflows.report.sections.temperature import N_TEMPERATURES, speeds
 from softclose_workflows.run.records import observations
 
 TEMPERATURE = (
@@ -39,8 +39,7 @@ def _report(path: Path, *settings: str) -> tuple[ReportData, str]:
 @pytest.mark.parametrize("worst", [(), ("temperature.worst_of=3",)])
 def test_over_temperature_the_lot_is_simulated_at_each(worst: tuple[str, ...], tmp_path: Path) -> None:
     data, page = _report(tmp_path / "a.zarr", *TEMPERATURE, *worst)
-    found = data.temperature
-    assert found is not None
+    found = data.sections["temperature"]
     assert 'id="temperature"' in page
     config = CampaignConfig.from_dict(open_campaign(str(tmp_path / "a.zarr")).config)
     still = config.revised([f"temperature.{k}=20" for k in ("low_C", "high_C")] + ["temperature.worst_of=0"])
@@ -51,14 +50,14 @@ def test_over_temperature_the_lot_is_simulated_at_each(worst: tuple[str, ...], t
         again = judge(plain, respond(plain, hot, data.designs[0].waveform))
         assert found.found[0][place].v_u_cm_s == again.v_u_cm_s
         assert found.found[0][place].p_nc == again.p_nc
-    chart = condition_charts.temperature_speeds(found)
+    chart = speeds(found)
     drawn = next(trace for trace in chart["data"] if trace.get("name") == "best candidate")
     assert drawn["y"] == pytest.approx([a.v_u_cm_s for a in found.found[0]], rel=1e-3)
 
 
 def test_without_a_range_there_is_no_such_section(tmp_path: Path) -> None:
     data, page = _report(tmp_path / "a.zarr")
-    assert data.temperature is data.plainer is data.openings is None
+    assert data.sections == {}
     assert not {'id="temperature"', 'id="plainer"', 'id="opening"'} & {part for part in page.split() if "id=" in part}
 
 
@@ -74,8 +73,7 @@ def test_without_a_range_there_is_no_such_section(tmp_path: Path) -> None:
 )
 def test_the_best_candidate_is_shown_with_and_without(kind: str, settings: tuple[str, ...], tmp_path: Path) -> None:
     data, page = _report(tmp_path / "a.zarr", *settings)
-    found = data.plainer
-    assert found is not None
+    found = data.sections["plainer"]
     assert found.kind == kind
     assert 'data-figure="plainer"' in page
     lot = open_campaign(str(tmp_path / "a.zarr")).switches()

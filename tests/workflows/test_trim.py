@@ -199,12 +199,12 @@ def test_the_report_shows_what_trim_brings(store):
     campaign = open_campaign(store)
     lot, best = Lot(campaign.population()), data.best_design
     plain = evaluate(load_config("current", SETTINGS), campaign.switches(), best.waveform)
-    assert data.trim.untrimmed.assessment.v_u_cm_s == plain.v_u_cm_s
+    assert data.sections["trim"].untrimmed.assessment.v_u_cm_s == plain.v_u_cm_s
     voltage, time = scales_of(config, campaign, campaign.best().candidate)
-    assert_array_equal(data.trim.voltage, voltage)
-    assert_array_equal(data.trim.time, time)
+    assert_array_equal(data.sections["trim"].voltage, voltage)
+    assert_array_equal(data.sections["trim"].time, time)
     limited = (voltage != lot["voltage_scale"]) | (time != lot["time_scale"])
-    assert data.trim.n_limited == int(limited.sum())
+    assert data.sections["trim"].n_limited == int(limited.sum())
     page = render_report(data)
     assert 'id="trim"' in page
     assert "trim-scales" in page

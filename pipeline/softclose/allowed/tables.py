@@ -39,7 +39,7 @@ def refuses_with(error: type[ValueError]) -> Callable[[type[T]], type[T]]:
             try:
                 plain(self, *arguments, **values)
             except ValidationError as e:
-                raise error(told(e, kind)) from e
+                raise error(message_of(e, kind)) from e
 
         kind.__init__ = init  # type: ignore[method-assign, assignment]
         return kind
@@ -78,10 +78,10 @@ def checked(kind: type[T], table: object, error: type[ValueError], where: str = 
     try:
         return TypeAdapter(kind).validate_python(dict(table))  # no call, which would raise an error of the kind's own
     except ValidationError as e:
-        raise error(told(e, kind, where)) from e
+        raise error(message_of(e, kind, where)) from e
 
 
-def told(e: ValidationError, kind: type, where: str = "") -> str:
+def message_of(e: ValidationError, kind: type, where: str = "") -> str:
     """Everything that is wrong with a table, in one message."""
     errors = e.errors(include_url=False)
     return listed([_problem(kind, dict(x), where) for x in errors[:MOST_PROBLEMS]], len(errors), "; ")
@@ -89,8 +89,8 @@ def told(e: ValidationError, kind: type, where: str = "") -> str:
 
 def listed(problems: Sequence[str], n: int, between: str = "\n") -> str:
     """The first problems of n; what follows is mostly the first one's consequence."""
-    told = problems[:MOST_PROBLEMS]
-    return between.join([*told, *([f"and {n - len(told):,} problems more"] if n > len(told) else [])])
+    first = problems[:MOST_PROBLEMS]
+    return between.join([*first, *([f"and {n - len(first):,} problems more"] if n > len(first) else [])])
 
 
 @dataclass(frozen=True, slots=True)

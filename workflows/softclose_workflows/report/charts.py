@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from softclose.conditions.amplifier import deliver
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import group_of
-from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray
 from softclose_workflows.report import shapes
-from softclose_workflows.report.data import Design, ReportData, TrimShown
+from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.tell import labels
 
 Chart = dict[str, Any]
@@ -235,6 +233,12 @@ def band(x: FloatArray, low: FloatArray, high: FloatArray, role: str, digits: in
     }
 
 
+def top_speed(designs: Sequence[Design]) -> float:
+    """End of the axis of densities: the largest speed of any design, in whole 5 cm/s."""
+    tops = [d.assessment.max_cm_s for d in designs if math.isfinite(d.assessment.max_cm_s)]
+    return 5.0 * math.ceil((max(tops, default=10.0) + 1.0) / 5.0)
+
+
 def exceedance(designs: Sequence[Design], limits_cm_s: Sequence[float], top_cm_s: float) -> Chart:
     """P(V > v) of several designs down to what their switches can tell, the first with its interval."""
     traces: list[Chart] = []
@@ -287,68 +291,6 @@ def exceedance(designs: Sequence[Design], limits_cm_s: Sequence[float], top_cm_s
 def plain(text: str) -> str:
     """Plotly reads a little markup in its texts: strangers' names must not."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("%{", "% {")
-
-
-def amplifier(design: Design, config: CampaignConfig) -> Chart:
-    """The commanded waveform and what the amplifier delivers of it."""
-    horizon = _until_of(design, config)
-    t = np.linspace(0.0, horizon, 601)
-    delivered = deliver(config.amplifier, design.waveform, config.model.horizon_us).voltage(t)
-    commanded = design.waveform.voltage(t)
-    apart = float(np.abs(delivered - commanded).max())
-    return {
-        "data": [
-            {
-                "name": name,
-                "x": numbers(t),
-                "y": numbers(u),
-                "mode": "lines",
-                "line": {"color": colour, "width": 2, "dash": dash},
-                "hovertemplate": "%{y:.1f} V<extra>" + name + "</extra>",
-            }
-            for name, u, colour, dash in (
-                ("commanded", commanded, "@unshaped", "dash"),
-                ("delivered", delivered, "@best", "solid"),
-            )
-        ],
-        "layout": layout(
-            axis("Time (µs)", range=[0, horizon], unifiedhovertitle={"text": "%{x:.1f} µs"}),
-            axis("Voltage (V)"),
-            showlegend=True,
-            hovermode="x unified",
-        ),
-        "alt": f"The commanded voltage and what the amplifier delivers of it, up to {apart:.1f} V apart.",
-    }
-
-
-def _until_of(design: Design, config: CampaignConfig) -> float:
-    """End of the axis: a little after the last change of the waveform."""
-    last = float(design.waveform.breakpoints(config.model.horizon_us)[-1])
-    return min(config.model.horizon_us, 10.0 * math.ceil((last + 30.0) / 10.0))
-
-
-def trim_scales(trim: TrimShown, limit: int = 2000) -> Chart:
-    """Time scale against voltage scale of each switch's drive."""
-    a, b = trim.voltage[:limit], trim.time[:limit]
-    return {
-        "data": [
-            {
-                "x": numbers(a),
-                "y": numbers(b),
-                "mode": "markers",
-                "marker": {"color": "@best/0.55", "size": 4},
-                "customdata": list(range(len(a))),
-                "hovertemplate": "switch %{customdata}<br>volts × %{x:.3f}<br>times × %{y:.3f}<extra></extra>",
-            }
-        ],
-        "layout": layout(
-            axis("Voltage scale of the drive"),
-            axis("Time scale of the drive"),
-            height=340,
-        ),
-        "alt": f"Time scale against voltage scale of {len(a)} drives: volts from {a.min():.2f} to {a.max():.2f}, times "
-        f"from {b.min():.2f} to {b.max():.2f} of the common waveform's.",
-    }
 
 
 def switches(data: ReportData, design: Design, name: str, limit: int = 2000) -> Chart:

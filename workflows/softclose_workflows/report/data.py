@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softclose.metrics.objective import CM_S, Assessment, Response, in_time
 from softclose.metrics.paired import Comparison, compare
-from softclose.opening import Openings
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import NSGA2
 from softclose.settings import CampaignConfig
@@ -85,48 +84,6 @@ class Design:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrimShown:
-    """What scaling its drives does for the best candidate, on the training switches."""
-
-    voltage: FloatArray
-    """(n,) voltage scale of each switch's drive, within the limits."""
-    time: FloatArray
-    """(n,) time scale."""
-    n_limited: int
-    """Switches whose scales end at a limit of the drive."""
-    untrimmed: Design
-    """The same waveform where every switch gets it as it is."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OverTemperature:
-    """Designs on one lot at each of some temperatures of the campaign's range."""
-
-    celsius: FloatArray
-    """(k,) [°C]."""
-    names: tuple[str, ...]
-    """What charts call the designs."""
-    roles: tuple[str, ...]
-    """Their roles in the palette."""
-    found: tuple[tuple[Assessment, ...], ...]
-    """Of each design, one for each temperature."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plainer:
-    """The best candidate on switches with and without what the device model adds to Eqs. 1-2."""
-
-    kind: Literal["modes", "losses"]
-    """What was left out."""
-    own: Design
-    """As the campaign simulates."""
-    without: Design
-    """Without it."""
-    peaks_um: tuple[float, ...]
-    """Of each further mode the level-quantile of its largest displacement of the contact until the first impact."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidates:
     """The committed candidates, column by column; NaN where a number is undefined."""
 
@@ -179,14 +136,8 @@ class ReportData:
     """A few switches of each of these, by index."""
     missing_references: dict[str, str]
     """Reference designs that there is nothing to show of on the training switches, and why."""
-    trim: TrimShown | None
-    """What trim brings; None where nothing is measured or there is no best candidate."""
-    temperature: OverTemperature | None
-    """None where the campaign has no range of temperature."""
-    plainer: Plainer | None
-    """None where switches have neither further modes nor losses."""
-    openings: Openings | None
-    """How the best candidate opens, on new switches where it is certified; None where none is designed."""
+    sections: dict[str, Any]
+    """What each section of `report/sections` found to show, by its name."""
     front: Front | None
     """None where no candidate has a result."""
     dependence: Dependence | None

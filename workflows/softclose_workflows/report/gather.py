@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.device.protocol import ModelError
-from softclose.evaluate import judge, respond
-from softclose.evaluate.chain import chain_of, drives_of
+from softclose.evaluate import judge
 from softclose.metrics.objective import CM_S
-from softclose.opening import Openings
 from softclose.population.lot import Lot
 from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.origins import NSGA2
@@ -22,22 +19,21 @@ from softclose.propose.protocol import Observation, Problem
 from softclose.settings import CampaignConfig
 from softclose.waveform import FloatArray, Waveform
 from softclose_store.schema.fields import SURROGATE_PREFIX
-from softclose_workflows.analyses.certify import Certification, read_certification
+from softclose_workflows.analyses.certify import read_certification
 from softclose_workflows.analyses.distinct import APART_V, distinct, last_change_us
 from softclose_workflows.analyses.front import Front, front_of
 from softclose_workflows.analyses.references import simulate_references
-from softclose_workflows.report.conditions import over_temperature, plainer
 from softclose_workflows.report.data import (
     BEST,
     Candidates,
     Design,
     ReportData,
     Traces,
-    TrimShown,
     reference_name,
 )
+from softclose_workflows.report.section import Given
+from softclose_workflows.report.sections import found_in
 from softclose_workflows.report.shapes import shares, speed_edges
-from softclose_workflows.run.opening import read_opening
 from softclose_workflows.run.records import observations
 from softclose_workflows.tell import labels
 
@@ -78,6 +74,18 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
     chosen = sorted(places)
     edges = speed_edges(float(np.fmax.reduce(candidates.columns["max_cm_s"][chosen], initial=0.0)))
     designs, missing = _designs(campaign, config, index)
+    found: dict[str, Any] = {}
+    if index is not None:
+        found = found_in(
+            Given(
+                path=path,
+                campaign=campaign,
+                config=config,
+                best=index,
+                designs=designs,
+                certification=certification,
+            )
+        )
     shares, samples = _read_picks(campaign, config, chosen, edges)
     return ReportData(
         source=PurePosixPath(str(path).rstrip("/")).name,
@@ -94,10 +102,7 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         },
         designs=designs,
         missing_references=missing,
-        trim=_trim(campaign, config, designs[0]) if index is not None else None,
-        temperature=over_temperature(config, designs),
-        plainer=None if index is None else plainer(config, designs[0], Lot(campaign.population())),
-        openings=_openings(path, index, certification),
+        sections=found,
         front=front,
         places=places,
         edges_cm_s=edges,
@@ -225,36 +230,6 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
             Design.of(r, judge(config, r), name=reference_name(name, waveform), role=name, waveform=waveform)
         )
     return tuple(designs), references.missing
-
-
-def _trim(campaign: Campaign, config: CampaignConfig, best: Design) -> TrimShown | None:
-    """What scaling the best candidate's drives brings; None where nothing is scaled or the device model is missing."""
-    chain = chain_of(config)
-    if not any(condition.tailored for condition in chain.conditions):
-        return None
-    lot = Lot(campaign.population()).rows(slice(len(best.speed_cm_s)))
-    try:
-        plain = respond(config, lot, best.waveform, for_everybody=True)
-    except ModelError:
-        return None
-    drives = drives_of(chain, lot, best.waveform)
-    clock = lot.get("clock", 1.0)
-    voltage = np.ones(len(lot)) if drives.volts is None else drives.volts
-    time = np.ones(len(lot)) if drives.times is None else drives.times / clock
-    return TrimShown(
-        voltage=voltage,
-        time=time,
-        n_limited=int((~np.isclose(voltage, lot["voltage_scale"]) | ~np.isclose(time, lot["time_scale"])).sum()),
-        untrimmed=Design.of(
-            plain, judge(config, plain), name="the same drive for all", role="unshaped", waveform=best.waveform
-        ),
-    )
-
-
-def _openings(path: str, best: int | None, certification: Certification | None) -> Openings | None:
-    if certification is not None and certification.openings is not None:
-        return certification.openings
-    return None if best is None else read_opening(path, best)
 
 
 def _dependence(config: CampaignConfig, history: list[Observation]) -> Dependence | None:

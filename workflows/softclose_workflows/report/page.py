@@ -11,7 +11,6 @@ import gzip
 import hashlib
 import json
 import math
-from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -20,10 +19,11 @@ import numpy as np
 
 from softclose import __version__
 from softclose.propose.origins import label_of
-from softclose_workflows.report import charts, condition_charts, front_charts, packed, shapes
-from softclose_workflows.report.data import Design, ReportData
+from softclose_workflows.report import charts, front_charts, packed, shapes
+from softclose_workflows.report.data import ReportData
 from softclose_workflows.report.headline import headline
-from softclose_workflows.report.summary import candidate_rows, front_words, metrics, opening_rows, provenance
+from softclose_workflows.report.sections import all_sections
+from softclose_workflows.report.summary import candidate_rows, front_words, metrics, provenance
 from softclose_workflows.tell import labels
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def render_report(data: ReportData) -> str:
     from markupsafe import Markup
 
     figures, picks = _figures(data), _picks(data)
+    shown = _sections(data, figures)
     return render(
         "report.html.j2",
         payload={
@@ -48,6 +49,7 @@ def render_report(data: ReportData) -> str:
         data=data,
         figures=figures,
         picks=picks,
+        sections=shown,
         metrics=[] if data.best is None else metrics(data, data.best),
         headline=(top := headline(data)),
         picture=Markup(top.get("picture", "")),
@@ -60,7 +62,6 @@ def render_report(data: ReportData) -> str:
         pairs=_pair_names(data),
         best=data.best_design,
         has_notes=any(data.candidates.note),
-        openings=opening_rows(data),
         front_words=front_words(data),
     )
 
@@ -157,24 +158,10 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
         figures["response"] = charts.response(data)
         figures["histogram"] = charts.histogram(data)
         judged = data.judged_designs
-        figures["densities"] = charts.densities(judged, [d.role for d in judged], _top_speed(judged))
-        figures["exceedance"] = charts.exceedance(judged, data.config.objective.limits_cm_s, _top_speed(judged))
+        figures["densities"] = charts.densities(judged, [d.role for d in judged], charts.top_speed(judged))
+        figures["exceedance"] = charts.exceedance(judged, data.config.objective.limits_cm_s, charts.top_speed(judged))
         for name in data.shown_parameters:
             figures[f"switches-{name}"] = charts.switches(data, data.best_design, name)
-    if data.best_design is not None and not data.config.amplifier.is_ideal:
-        figures["amplifier"] = charts.amplifier(data.best_design, data.config)
-    if data.trim is not None and data.best_design is not None:
-        pair = (replace(data.best_design, name="each switch its own drive"), data.trim.untrimmed)
-        figures["trim-speeds"] = charts.densities(pair, [d.role for d in pair], _top_speed(pair))
-        figures["trim-scales"] = charts.trim_scales(data.trim)
-    if data.temperature is not None:
-        figures["temperature-speeds"] = condition_charts.temperature_speeds(data.temperature)
-        figures["temperature-open"] = condition_charts.temperature_open(data.temperature)
-    if data.plainer is not None:
-        both = data.plainer.own, data.plainer.without
-        figures["plainer"] = charts.densities(both, [d.role for d in both], _top_speed(both))
-    if data.openings is not None:
-        figures["opening"] = condition_charts.opening(data.openings)
     if data.front is not None and len(data.front.candidates) > 1:
         figures["front"] = front_charts.front(data.front, data.candidates)
         if np.isfinite(data.front.values).all(axis=1).mean() > 0.5:  # else most of it was on smaller ensembles
@@ -193,10 +180,21 @@ def _figures(data: ReportData) -> dict[str, charts.Chart]:
     return figures
 
 
-def _top_speed(designs: tuple[Design, ...]) -> float:
-    """End of the axis of densities: the largest speed of any design, in whole 5 cm/s."""
-    tops = [d.assessment.max_cm_s for d in designs if math.isfinite(d.assessment.max_cm_s)]
-    return 5.0 * math.ceil((max(tops, default=10.0) + 1.0) / 5.0)
+def _sections(data: ReportData, figures: dict[str, charts.Chart]) -> list[dict[str, Any]]:
+    """Every section that found something, its charts among the figures of the page."""
+    from markupsafe import Markup
+
+    shown = []
+    for section in all_sections():
+        found = data.sections.get(section.name)
+        if found is None:
+            continue
+        figures |= section.figures(found, data)
+        template = _environment().from_string('{% from "figure.html.j2" import figure %}' + section.html)
+        html = Markup(template.render(found=found, data=data, figures=figures, **section.told(found, data)))
+        heading, link = section.headings(found)
+        shown.append({"name": section.name, "heading": heading, "link": link, "html": html})
+    return shown
 
 
 def _pair_names(data: ReportData) -> list[str]:

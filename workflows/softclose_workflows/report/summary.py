@@ -8,39 +8,9 @@ from typing import Any
 
 from softclose.evaluate.asked import asked
 from softclose.evaluate.quantities import quantity
-from softclose.opening import Opening
 from softclose.propose.origins import label_of
 from softclose_workflows.report.data import ReportData
-from softclose_workflows.tell.labels import count, interval, number, percent, percent_interval, pulse_lines
-
-
-def opening_rows(data: ReportData) -> list[dict[str, str]]:
-    """One row without, one with a brake; [] where no opening is designed."""
-    found = data.openings
-    if found is None:
-        return []
-
-    def row(name: str, o: Opening) -> dict[str, str]:
-        watched = f"not within the {o.released.times_us[-1]:g} µs simulated (opening.watch_us)"
-        settles = watched if math.isinf(o.settling_us) else number(o.settling_us)
-        return {
-            "name": name,
-            "overshoot": number(o.overshoot, 3),
-            "overshoot_interval": interval(*o.overshoot_interval, 3),
-            "rebound": percent(o.p_rebound.estimate, 2),
-            "rebound_interval": percent_interval(*o.p_rebound.wilson, 2),
-            "stuck": percent(o.p_stuck.estimate, 2),
-            "stuck_interval": percent_interval(*o.p_stuck.wilson, 2),
-            "settling": settles,
-            "settling_interval": interval(*o.settling_interval) if math.isfinite(o.settling_us) else "",
-        }
-
-    rows = [row("the holding pulse falls", found.plain)]
-    if found.braked is not None:
-        p = pulse_lines([tuple(r) for r in found.braked.released.waveform.rows()[-1:].tolist()])[0]
-        name = f"with a brake: {p['volts']} V from {p['start']} µs, rise {p['rise']} µs, flat top {p['top']} µs"
-        rows.append(row(name, found.braked))
-    return rows
+from softclose_workflows.tell.labels import count, interval, number, percent, percent_interval
 
 
 def front_words(data: ReportData) -> str:
