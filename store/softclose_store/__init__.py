@@ -17,9 +17,12 @@ from softclose_store.errors import (
     StoreExistsError,
     StoreMissingError,
 )
-from softclose_store.groups import GroupArray, ResultGroup, group_attributes, list_groups, read_group, write_group
+from softclose_store.groups import GroupArray, list_groups, write_group
 from softclose_store.read.arrays import read_population
+from softclose_store.read.by_hand import Changed
 from softclose_store.read.reader import Best, Campaign, StoredResponses, Trajectories, open_campaign
+from softclose_store.read.result_groups import ResultGroup, group_attributes, read_group
+from softclose_store.read.table import result_of
 from softclose_store.schema.digests import assessed_digest, canonical_json, fingerprint_of, proposals_digest
 from softclose_store.schema.fields import (
     IMPACT_QUANTITIES,
@@ -29,13 +32,16 @@ from softclose_store.schema.fields import (
     Constant,
     PopulationColumn,
 )
+from softclose_store.schema.group_metadata import BY_HAND
 from softclose_store.schema.layout import CASE_PREFIX, MIN_INNER, Layout, StageLayout, largest_inner
 from softclose_store.write.block import write_block, writing_s
+from softclose_store.write.by_hand import Change
 from softclose_store.write.create import StoreState, create_campaign, store_state
 from softclose_store.write.driver import DriverStore
 from softclose_store.write.extend import extend_campaign, finish_extension
 
 __all__ = [
+    "BY_HAND",
     "CASE_PREFIX",
     "IMPACT_QUANTITIES",
     "MIN_INNER",
@@ -44,6 +50,8 @@ __all__ = [
     "Best",
     "Campaign",
     "CaseColumn",
+    "Change",
+    "Changed",
     "Constant",
     "Damage",
     "DamageError",
@@ -87,6 +95,7 @@ __all__ = [
     "read_population",
     "remove_orphans",
     "repair",
+    "result_of",
     "store_state",
     "verify",
     "write_block",

@@ -23,7 +23,7 @@ from softclose_store.disk.names import is_safe
 from softclose_store.errors import LockedError
 from softclose_store.schema import digests
 from softclose_store.schema.documents import GroupArrayDocument, checked
-from softclose_store.schema.group_metadata import COPY_NAME, OWN, GroupMetadata, decode
+from softclose_store.schema.group_metadata import BY_HAND, COPY_NAME, OWN, GroupMetadata, decode
 from softclose_store.schema.opening import read_root, write_root
 from softclose_store.schema.root import Root
 from softclose_store.schema.texts import read_json
@@ -93,8 +93,12 @@ def _read(files: Store, own: GroupMetadata) -> Listing | None:
 
 
 def listed_anew(files: Store, root: Root) -> Root:
-    """The root that lists what there is, written where it did not; `root` is what lies there, and the lock is held."""
-    listing = found_groups(files, root)
+    """The root that lists what there is, written where it did not; `root` is what lies there, and the lock is held.
+
+    What was changed by hand stays listed where it is lost: nothing else would say that it was there.
+    """
+    kept = {name: entry for name, entry in root.listed.items() if name.partition("/")[0] == BY_HAND}
+    listing = kept | found_groups(files, root)
     if listing == root.listed:
         return root
     root = root.listing(listing)

@@ -30,9 +30,10 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_every_command_has_a_function_of_its_name() -> None:
-    commands = {name for group in COMMANDS.values() for name in group} - {"completion", "init"}
+    commands = {name for group in COMMANDS.values() for name in group} - {"completion", "init", "bench"}
     assert commands <= set(api.__all__)
     assert all(callable(getattr(api, name)) for name in commands)
+    assert {"ask", "tell", "correct", "withdraw"} <= set(dir(api.Bench))
     assert sorted(set(api.__all__)) == sorted(api.__all__)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benches import DEVICES, FRESH, SETTINGS, STEPS, Interrupt, begin, content, cut_at, finish, measure
 from campaigns import softclose
 from small_campaigns import COARSE, make_campaign
-from softclose import ModelError, Responses, Waveform, load_population, simulate
+from softclose import ModelError, Responses, Waveform, simulate
 from softclose.evaluate import judge
 from softclose.metrics import paired
 from softclose.metrics.objective import CM_S, MISSING, Assessment, Judged, assess
 from softclose.settings import CampaignConfig
-from softclose_store import DriverStore, LockedError, OtherConfigurationError, faults, open_campaign, repair, verify
+from softclose_store import DriverStore, LockedError, OtherConfigurationError, open_campaign, repair, verify
 from softclose_workflows import api
 from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import read_certification
@@ -27,50 +27,10 @@ from softclose_workflows.api.bench import Bench
 from softclose_workflows.errors import BenchError, Stopped
 from softclose_workflows.run.measurements import commit_told
 
-LOT = load_population("current").sample(100, seed=99)
-DEVICES, FRESH = LOT[:20], LOT[20:]
-SETTINGS = ("prior.model=none", "optimiser.n_initial=4", "optimiser.n_candidates=64")
-
 
 def untimed(response: Responses) -> Responses:
     """What a vibrometer says of a response: speeds, and who is closed, but not from when on."""
     return replace(response, settling_us=np.full(response.closed.shape, np.nan))
-
-
-def measure(waveform: Waveform, devices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What a vibrometer would say: cm/s, and whether each is closed."""
-    response = simulate(devices, waveform)
-    return response.max_contact_speed * CM_S, response.closed
-
-
-def begin(path: Path, budget: int = 7) -> Bench:
-    return Bench(path, "current", devices=20, budget=budget, settings=SETTINGS)
-
-
-def content(store: Path) -> dict[str, bytes]:
-    """Every file of a store, but the lock and what says who runs it."""
-    kept = (p for p in store.rglob("*") if p.is_file() and p.name != "driver.lock")
-    return {str(p.relative_to(store)): p.read_bytes() for p in kept}
-
-
-def cut_at(monkeypatch: pytest.MonkeyPatch, name: str, passage: int, error: BaseException) -> None:
-    """Let the durability step `name` fail at its n-th passage, once."""
-    passed: Counter[str] = Counter()
-
-    def point(here: str) -> None:
-        passed[here] += 1
-        if here == name and passed[here] == passage:
-            raise error
-
-    monkeypatch.setattr(faults, "point", point)
-    monkeypatch.setenv(faults.VARIABLE, "by-hand")  # chunks are written in two parts only where a fault is asked for
-
-
-def finish(bench: Bench, n: int = 100) -> None:
-    while not bench.finished and n:
-        suggestion = bench.ask()
-        bench.tell(suggestion.candidate, *measure(suggestion.waveform, DEVICES))
-        n -= 1
 
 
 def test_what_is_told_is_on_record_with_its_intervals(tmp_path: Path) -> None:
@@ -208,9 +168,6 @@ def test_a_bench_needs_a_campaign_of_its_own(tmp_path: Path) -> None:
     assert not (tmp_path / "c.zarr").exists()
 
 
-STEPS = [name for name in faults.POINTS if name != "inside-creation"]
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """The records of the small campaign that nothing has interrupted."""
@@ -218,10 +175,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     with begin(store, 5) as bench:
         finish(bench)
     return open_campaign(store).records()
-
-
-class Interrupt(Exception):
-    """Stands for Ctrl-C, which pytest would heed."""
 
 
 def reopened(store: Path, bench: Bench) -> Bench:

@@ -64,7 +64,10 @@ if __name__ == "__main__":
 XOPT = """
 from xopt import Evaluator, Xopt
 
-X = Xopt(generator=generator, evaluator=Evaluator(function=lambda point: {"g_cm_s": bowl(point)}, max_workers=9))
+def evaluate(point):
+    return {"g_cm_s": bowl(point)}
+
+X = Xopt(generator=generator, evaluator=Evaluator(function=evaluate, max_workers=9))
 for _ in range(3):
     X.step()
 assert len(X.data) == 27

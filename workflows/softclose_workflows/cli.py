@@ -120,6 +120,7 @@ COMMANDS = {
         "calibrate": "Fit a population to measured devices.",
         "run": "Run a campaign: a shipped preset or your TOML file.",
         "resume": "Continue a campaign, after a kill too.",
+        "bench": "Ask for waveforms and tell what devices did.",
         "submit": "Run a campaign as a job of a batch scheduler.",
         "status": "Say how far a campaign is; --watch follows it.",
     },

@@ -72,11 +72,13 @@ class Columns:
     """What a reader takes of a table."""
 
     numbers: Mapping[str, Column]
-    """By the reader's own names; every row must have a number there."""
+    """By the reader's own names; every row must have a number there, but for those that are `gappy`."""
     texts: Mapping[str, int] = field(default_factory=dict)
     """Columns of words; a row may lack them."""
     notes: tuple[str, ...] = ()
     """What the user should hear of the choice."""
+    gappy: frozenset[str] = frozenset()
+    """Names of numbers of which a row may lack one: NaN."""
 
 
 Choose = Callable[[Heading], Columns]

@@ -7,6 +7,7 @@ other numbers, the file is refused with both. So half a table is never read, and
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -29,6 +30,8 @@ _COMMENT = re.compile(r"^\s*(?:#|%|//)+")
 _END = re.compile(r"\W*(?:eof|end|ende|end of (?:file|data|record))\W*", re.IGNORECASE)
 _SEP = re.compile(r'^"?sep=(.)"?[;,\t ]*$', re.IGNORECASE)
 _MISSING = re.compile(r"[+-]?(?:∞|inf(?:inity)?|nan|n/?a|#?n/?a|null|none|-+|\?+|\*+|ovl?|overflow|overrange)?", re.I)
+_NOTHING = re.compile(r"(?:nan|n/?a|-+)?", re.I)
+"""A field of a column that may have gaps, where it has one."""
 _BLANK = " \t\u00a0\u2009\u202f\x1a"
 """Around fields; the last one is what DOS ends a file with."""
 
@@ -164,7 +167,7 @@ def _styled(
         values: dict[str, FloatArray] = {}
         failure: tuple[int, int, str] | None = None
         for name, column in columns.numbers.items():
-            values[name], failed = _numbers(texts[name], column, style)
+            values[name], failed = _numbers(texts[name], column, style, name in columns.gappy)
             if failed is not None:
                 failure = min(failure or (failed, column.index, name), (failed, column.index, name))
         if failure is not None:
@@ -216,11 +219,11 @@ def _checked(below: Sequence[Row], heading: Heading, columns: Columns, separator
     return rows
 
 
-def _numbers(texts: Sequence[str], column: Column, style: Style) -> tuple[FloatArray, int | None]:
+def _numbers(texts: Sequence[str], column: Column, style: Style, is_gappy: bool) -> tuple[FloatArray, int | None]:
     """A column in the unit that is wanted, and the index of the first field that is no number."""
     values = np.empty(len(texts))
     for i, text in enumerate(texts):
-        value = style.value(text)
+        value = math.nan if is_gappy and _NOTHING.fullmatch(text) else style.value(text)
         if value is None:
             return values, i
         values[i] = value
@@ -272,7 +275,9 @@ def _different(tables: Sequence[Table]) -> list[Table]:
 
 
 def _same(a: Table, b: Table) -> bool:
-    return a.numbers.keys() == b.numbers.keys() and all(np.array_equal(a.numbers[n], b.numbers[n]) for n in a.numbers)
+    return a.numbers.keys() == b.numbers.keys() and all(
+        np.array_equal(a.numbers[n], b.numbers[n], equal_nan=True) for n in a.numbers
+    )
 
 
 def _at(table: Table, name: str, row: int) -> str:

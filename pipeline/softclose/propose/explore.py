@@ -16,7 +16,7 @@ from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent, continued
 from softclose.propose.design import design_point
 from softclose.propose.ladder import Course, Ladder, build_ladder, courses, owner
-from softclose.propose.origins import EXPLORE, FALLBACK, SCOUT
+from softclose.propose.origins import BY_HAND, EXPLORE, FALLBACK, SCOUT
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave
 from softclose.waveform import Waveform
 
@@ -67,8 +67,9 @@ class ExploreEngine:
 def stage_g(history: Sequence[Observation], begin: int, end: int) -> FloatArray:
     """(n,) ranks of the records from `begin` to before `end` [cm/s]; inf where a candidate has none or was not asked
     for."""
+    others = (FALLBACK, BY_HAND)
     return np.array(
-        [o.rank_cm_s if o.usable and not o.origin.startswith(FALLBACK) else np.inf for o in history[begin:end]]
+        [o.rank_cm_s if o.usable and not o.origin.startswith(others) else np.inf for o in history[begin:end]]
     )
 
 

@@ -20,6 +20,7 @@ RERANK, POLISH, EXTRA = "finish-rerank", "finish-polish", "finish-extra"
 EXTENDED = "extend"
 RETRY = "retry"
 FALLBACK = "fallback"
+BY_HAND = "by-hand"
 
 Group = Literal["start", "around the best", "everywhere", "descents", "finish", "fallback", "other"]
 """What charts tell apart; `other` is for engines that were plugged in."""
@@ -64,6 +65,7 @@ ORIGINS: dict[str, Origin] = {
         Origin(name=EXTRA, stage="finish", group="finish", label="beside a basin, larger ensemble"),
         Origin(name=EXTENDED, stage="extend", group="descents", label="step of a descent, after the campaign's end"),
         Origin(name=RETRY, stage="extend", group="other", label="failed candidate, computed again", designed=True),
+        Origin(name=BY_HAND, stage="", group="other", label="waveform chosen by hand", designed=True),
         Origin(name=FALLBACK, stage="", group="fallback", label="in place of a proposal that failed", designed=True),
     )
 }

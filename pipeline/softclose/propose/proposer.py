@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
+from softclose.propose.by_hand import ByHand
 from softclose.propose.extensions import extensions, problem_of
 from softclose.propose.origins import FALLBACK, INITIAL
 from softclose.propose.plan import SEARCH
@@ -33,11 +34,15 @@ _FAILURES = (ArithmeticError, IndexError, LookupError, RuntimeError, ValueError)
 class Proposer:
     """Asks the right engine for each wave. Keeps engines loaded, and no state of theirs."""
 
-    def __init__(self, problem: Problem, search: Engine | WaveEngine | None = None) -> None:
-        """search: the search's engine; as a rule the one that the configuration names."""
+    def __init__(
+        self, problem: Problem, search: Engine | WaveEngine | None = None, by_hand: ByHand | None = None
+    ) -> None:
+        """search: the search's engine; as a rule the one that the configuration names. by_hand: what a person has
+        changed of the campaign."""
         # For this process's life: the order of a threaded sum would show in the last bits of a proposal.
         threadpool_limits(limits=1)
         self._problem = problem
+        self._by_hand = by_hand or ByHand()
         self._initial = problem.config.waveform.initial_waveforms()
         self._engines = {} if search is None else {problem.config.optimiser.engine: search}
         self._extensions = {
@@ -47,8 +52,14 @@ class Proposer:
     def propose(self, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]) -> tuple[Proposal, ...]:
         """The candidates of a wave, from the records that it sees and the waveforms of the waves between.
 
-        A candidate whose engine fails is replaced by a quasi-random point, and the proposal's note says why.
+        A candidate whose engine fails is replaced by a quasi-random point, and the proposal's note says why. What was
+        chosen by hand takes the place of what is proposed.
         """
+        return self._by_hand.placed(wave, self._proposed(wave, self._by_hand.seen(wave, history), pending))
+
+    def _proposed(
+        self, wave: Wave, history: Sequence[Observation], pending: Sequence[Waveform]
+    ) -> tuple[Proposal, ...]:
         given = self._initial[wave.start : wave.stop]
         found = [Proposal(waveform=w, origin=INITIAL, n_switches=wave.n_switches) for w in given]
         if len(found) == wave.size:

@@ -34,10 +34,10 @@ from softclose_store.disk.files import (
 from softclose_store.disk.lock import LOCK_KEY, DriverLock
 from softclose_store.disk.names import checked_member, is_partial
 from softclose_store.errors import DamageError, StoreError
-from softclose_store.groups import group_problems, metadata_of
 from softclose_store.listing import PLAIN_GROUP, list_groups_again
 from softclose_store.read.arrays import UNREADABLE, described, read_array
 from softclose_store.read.described import DescribedFiles, never
+from softclose_store.read.result_groups import group_problems, metadata_of
 from softclose_store.schema import digests
 from softclose_store.schema.documents import RuntimeDocument, checked
 from softclose_store.schema.group_metadata import GroupMetadata

@@ -15,12 +15,13 @@ from softclose_store.disk.files import LocalFiles, StorePath, list_keys, look_at
 from softclose_store.disk.lock import LOCK_KEY
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
 from softclose_store.errors import DamageError, StoreError, StoreMissingError
-from softclose_store.groups import group_problems, parents_of, result_groups
+from softclose_store.groups import parents_of, result_groups
 from softclose_store.listing import PLAIN_GROUP, listing_problems
 from softclose_store.read.arrays import UNREADABLE, chunk_keys, described, read_array
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import DescribedFiles, never
 from softclose_store.read.metadata import is_as_created
+from softclose_store.read.result_groups import group_problems
 from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
 from softclose_store.schema import digests
 from softclose_store.schema.fields import N_SURROGATE, unit_in

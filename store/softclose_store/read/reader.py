@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from softclose_store.disk.files import StorePath, look_at, normalised, open_files
 from softclose_store.errors import StoreError
 from softclose_store.listing import found_groups
+from softclose_store.read.amended import amended_stage, amended_tables
 from softclose_store.read.arrays import described, layout_of, read_array, read_static
+from softclose_store.read.by_hand import Changed, latest_readings, read_by_hand
 from softclose_store.read.checked import CheckedBlocks
 from softclose_store.read.described import DescribedFiles
 from softclose_store.read.labelled import CheckedFiles
@@ -106,6 +108,7 @@ class Campaign:
         self._files: DescribedFiles
         self._blocks: CheckedBlocks
         self._loaded: Table | None
+        self._by_hand: tuple[Changed, ...] | None
         self._records: dict[str, NDArray[Any]]
         self._statics: dict[str, NDArray[Any]]
         self.layout: Layout
@@ -118,6 +121,7 @@ class Campaign:
         self.layout = layout_of(self._files, self._root)
         self._blocks = CheckedBlocks(self._files, self.layout, self._table)
         self._loaded = None
+        self._by_hand = None
         self._records = {}
         self._statics = {}
 
@@ -191,8 +195,25 @@ class Campaign:
         (committed, n_limits); what the surrogate predicted is called `surrogate.<name>`, NaN where it did not say.
         """
         if not self._records:
-            self._records = self._table().columns(self.committed, self._root.attributes["hyperparameters"])
+            table = self._table().amended(self.by_hand)
+            self._records = table.columns(self.committed, self._root.attributes["hyperparameters"])
         return self._records
+
+    def records_as_told(self) -> dict[str, NDArray[Any]]:
+        """As `records`, without what was changed by hand: what was committed."""
+        return self._table().columns(self.committed, self._root.attributes["hyperparameters"])
+
+    @property
+    def by_hand(self) -> tuple[Changed, ...]:
+        """What a person has changed, in order: readings corrected or withdrawn, waveforms chosen by hand."""
+        if self._by_hand is None:
+            self._by_hand = read_by_hand(self.path, self._root, self.layout)
+        return self._by_hand
+
+    @property
+    def amended(self) -> dict[int, Changed]:
+        """The last change of the readings of each committed candidate that has one."""
+        return {i: change for i, change in latest_readings(self.by_hand).items() if i < self.committed}
 
     def _table(self) -> Table:
         """All rows of committed candidates, compared with their digests."""
@@ -336,7 +357,9 @@ class Campaign:
             (n_switches,) arrays.
         """
         self._check(i)
-        response = self._rows("response", i)[...]
+        change = self.amended.get(int(i))
+        told = None if change is None else change.response
+        response = self._rows("response", i)[...] if told is None else told
         columns = {field.name: response[:, k].copy() for k, field in enumerate(self.layout.quantities)}
         counts = {name: np.where(np.isnan(columns[name]), -1.0, columns[name]) for name in ("n_impacts", "status")}
         has_impacts = bool(self.layout.max_impacts)
@@ -379,7 +402,15 @@ class Campaign:
 
         group = CANDIDATES if stage is None else self.layout.stage(stage).name
         dataset: xr.Dataset = xarray.open_zarr(self._labelled(), group=group, chunks=None)
-        return dataset
+        return self._amended(group, dataset)
+
+    def _amended(self, group: str, dataset: xr.Dataset) -> xr.Dataset:
+        """The dataset of a group, with what was changed by hand."""
+        if not self.by_hand:
+            return dataset
+        if group == CANDIDATES:
+            return amended_tables(dataset, self._table().amended(self.by_hand), self.committed)
+        return amended_stage(dataset, self.amended)
 
     def datatree(self) -> xr.DataTree:
         """The whole store as xarray sees it, lazily: the tables, the population, each stage and each result group."""
@@ -387,6 +418,8 @@ class Campaign:
 
         target: Any = self._labelled()  # xarray says too little of what it takes
         tree: xr.DataTree = xarray.open_datatree(target, engine="zarr", chunks=None)
+        for group in (CANDIDATES, *self.stages) if self.by_hand else ():
+            tree[group].dataset = self._amended(group, tree[group].to_dataset())
         return tree
 
     def _labelled(self) -> CheckedFiles:

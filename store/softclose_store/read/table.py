@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from softclose_store.disk.loop import run_here
 from softclose_store.disk.names import chunk_key
 from softclose_store.errors import DamageError
 from softclose_store.read.arrays import UNREADABLE, open_arrays
+from softclose_store.read.by_hand import CHOSEN, Changed
 from softclose_store.read.described import DescribedFiles
 from softclose_store.schema.digests import keyed_digest, proposals_digest
 from softclose_store.schema.fields import (
@@ -215,6 +218,24 @@ class Table:
         designs = [self.design(i) for i in indices] if self.layout.designs else None
         return proposals_digest([self.waveform(i) for i in indices], n_switches, indices[0], designs), n_switches
 
+    def amended(self, changes: Sequence[Changed]) -> Table:
+        """The same rows with what was changed by hand in its place; what was not changed is shared."""
+        if not changes:
+            return self
+        found = copy(self)
+        found.records, found.words = self.records.copy(), self.words.copy()
+        at = self.layout.n_proposal_fields + 1
+        for change in changes:
+            i = change.candidate
+            if i >= len(found.records):  # told, and not committed yet
+                continue
+            if change.record is not None:
+                found.records[i, at:] = change.record
+                found.words[i, FAILURE] = change.failure
+            before = str(found.words[i, NOTE])
+            found.words[i, NOTE] = f"{before}; {change.note}" if before else change.note
+        return found
+
     def columns(self, n: int, hyperparameters: list[str]) -> dict[str, NDArray[Any]]:
         """Every value of the first n candidates by name, (n, …) each, copies."""
         layout, records = self.layout, self.records[:n]
@@ -227,7 +248,7 @@ class Table:
                 if at + k < layout.n_proposal_fields
             },
             "stage": layout.of_stages("name")[:n],
-            "engine": layout.of_stages("engine")[:n],
+            "engine": np.where(self.words[:n, ORIGIN] == CHOSEN, CHOSEN, layout.of_stages("engine")[:n]),
             "origin": self.words[:n, ORIGIN].copy(),
             "note": self.words[:n, NOTE].copy(),
             "wave": _typed("int", records[:, layout.n_proposal_fields]),
@@ -251,3 +272,25 @@ def _typed(kind: str, values: NDArray[np.float64]) -> NDArray[Any]:
         return values.copy()
     whole = np.where(np.isnan(values), Field(name="", type="int").fill if kind == "int" else 0.0, values)
     return whole.astype(np.int32 if kind == "int" else np.bool_)
+
+
+def result_of(change: Changed, layout: Layout) -> dict[str, NDArray[Any]]:
+    """Every value of a changed result by name.
+
+    Parameters
+    ----------
+    change : Changed
+        Of readings.
+    layout : Layout
+        The store's.
+
+    Returns
+    -------
+    dict
+        (1, …) each; what is no result stays undefined.
+    """
+    table = Table(layout, 1)
+    assert change.record is not None
+    table.records[0, layout.n_proposal_fields + 1 :] = change.record
+    table.words[0, FAILURE] = change.failure
+    return table.columns(1, [])

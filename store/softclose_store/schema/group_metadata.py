@@ -24,6 +24,9 @@ NAME = "softclose_group"
 """Attribute of a result group: its name. Metadata of another group are none of its own."""
 COPY_NAME = "group.json"
 """What the copy is called."""
+BY_HAND = "by-hand"
+"""Where result groups lie that say what a person has changed: what counts hangs on them, and nothing computes them
+again."""
 BOOKKEEPING = (FILES, OWN, NAME)
 """Attributes that say nothing of the result."""
 

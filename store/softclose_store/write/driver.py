@@ -14,18 +14,21 @@ from softclose_store import faults
 from softclose_store.disk.files import StorePath, normalised, open_files, write_key
 from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import DamageError, OtherAlgorithmError, OtherConfigurationError, RecordError
+from softclose_store.groups import GroupArray, write_group
 from softclose_store.listing import listed_anew
 from softclose_store.read.arrays import described, layout_of, open_arrays, population_of
 from softclose_store.read.blocks import BlockReader, markers_digest
+from softclose_store.read.by_hand import CHOSEN, Changed, name_of, read_by_hand
 from softclose_store.read.described import never
 from softclose_store.read.metadata import check_metadata
-from softclose_store.read.table import Table
+from softclose_store.read.table import FAILURE, Table
 from softclose_store.schema.digests import canonical_json, proposals_digest
 from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, TABLES
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import read_root, write_root
 from softclose_store.schema.root import RUNTIME_KEY, Root, runtime_text
 from softclose_store.write.block import assessed_of
+from softclose_store.write.by_hand import Change, readings_arrays, settled, waveform_arrays
 from softclose_store.write.create import other_algorithm
 from softclose_store.write.extend import complete_extension
 from softclose_store.write.rows import (
@@ -235,6 +238,80 @@ class DriverStore:
         speed, closed, status, settling, asked = assessed_of(response)
         found = {"max_contact_speed": speed, "closed": closed, "status": status, "settling": settling}
         return found | ({"asked": asked} if self.layout.asked else {})
+
+    def by_hand(self) -> tuple[Changed, ...]:
+        """What a person has changed, in order; of a change that was cut off nothing is left, or it is complete.
+
+        Raises LockedError where the store is not this driver's any more, and DamageError.
+        """
+        self._lock.check()
+        self._root = settled(self._files.inner, self.path, self._root)
+        return read_by_hand(self.path, self._root, self.layout)
+
+    def change_readings(
+        self, candidate: int, row: Mapping[str, Any], response: NDArray[np.float64], change: Change
+    ) -> Changed:
+        """Put other readings of a candidate on record. What is committed of it stays as it is.
+
+        Parameters
+        ----------
+        candidate : int
+            Which one.
+        row : mapping
+            The fields of its record, as `commit` takes them.
+        response : (n_switches, n_quantities) ndarray
+            Its readings, as a block holds them.
+        change : Change
+            Kind, from which wave on it is seen, why and when.
+
+        Returns
+        -------
+        Changed
+
+        Raises
+        ------
+        LockedError
+            Where the store is not this driver's any more; nothing is written then.
+        """
+        table = Table(self.layout, 1)
+        check_names(row, ASSESSED | {field.name for field in self.layout.results})
+        set_result(table, 0, row, 0, 0)
+        record = table.records[0, self.layout.n_proposal_fields + 1 :]
+        said = {"failure": str(table.words[0, FAILURE])}
+        return self._change(candidate, change, said, readings_arrays(self.layout, record, response))
+
+    def choose_waveform(self, candidate: int, rows: NDArray[np.float64], change: Change) -> Changed:
+        """Put on record that a waveform is applied in the place of what is proposed as a candidate.
+
+        Parameters
+        ----------
+        candidate : int
+            Whose place it takes: none of which anything is stored.
+        rows : (n_pulse, 4) ndarray
+            start, rise, peak [µs] and volts.
+        change : Change
+            Why and when.
+
+        Returns
+        -------
+        Changed
+
+        Raises
+        ------
+        RecordError
+            Where the layout cannot hold it.
+        LockedError
+            Where the store is not this driver's any more; nothing is written then.
+        """
+        check_waveform(self.layout, {"waveform": rows, "n_switches": 1, "origin": CHOSEN})
+        return self._change(candidate, change, {}, waveform_arrays(rows))
+
+    def _change(
+        self, candidate: int, change: Change, said: Mapping[str, Any], arrays: Mapping[str, GroupArray]
+    ) -> Changed:
+        number = len(self.by_hand())
+        write_group(self.path, name_of(number), arrays, {"candidate": candidate, **change.to_json(), **said})
+        return self.by_hand()[number]
 
     def commit(self, rows: Sequence[Mapping[str, Any]], markers: Mapping[Block, NDArray[np.uint64]]) -> None:
         """Write the records of the next wave, then make it part of the campaign: the root's replacement is the commit.

@@ -20,8 +20,8 @@ from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
+from softclose_store import BY_HAND, DriverStore, Layout, Recompute, StoreError, open_campaign
 from softclose_store import Campaign as StoredCampaign
-from softclose_store import DriverStore, Layout, Recompute, StoreError, open_campaign
 from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.run import records
@@ -71,7 +71,8 @@ def replay(path: str, k: int, seed: int = 0) -> Replay:
     chosen = sorted(int(w) for w in rng.permutation(len(waves))[:k])
     switches = Lot(campaign.population())
     differing = [problem for block in blocks for problem in _compare_block(campaign, config, stored, switches, *block)]
-    proposer, history = Proposer(problem), records.observations(stored)
+    proposer = Proposer(problem, by_hand=records.by_hand(campaign.by_hand, campaign.layout))
+    history = records.observations(campaign.records_as_told())
     for w in chosen:
         wave = waves[w]
         for i, proposal in enumerate(proposer.from_history(wave, history), start=wave.start):
@@ -156,7 +157,8 @@ def _proposals(store: DriverStore, start: int, size: int) -> Sequence[Mapping[st
     problem = Problem(config, help=PriorOfStore(store.path, config))
     wave = next(w for w in plan(problem) if w.start == start)
     history = records.observations({name: values[:start] for name, values in store.records().items()})
-    return [records.proposal_record(p) for p in Proposer(problem).from_history(wave, history)]
+    proposer = Proposer(problem, by_hand=records.by_hand(store.by_hand(), store.layout))
+    return [records.proposal_record(p) for p in proposer.from_history(wave, history)]
 
 
 def _block(store: DriverStore, stage: str, row: int, column: int) -> dict[str, NDArray[Any]]:
@@ -190,6 +192,8 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
 
 def _group(path: str, name: str) -> str:
     """A certification again, whose own metadata say what it was asked for; the opening of a candidate; the basins."""
+    if name.startswith(f"{BY_HAND}/"):
+        return f"{name} of {path} says what was changed by hand, which nothing computes again: restore it from a copy"
     try:
         if name == GROUP:
             return basins_again(path)

@@ -143,6 +143,8 @@ class ReportData:
     dependence: Dependence | None
     certification: Certification | None
     """What new switches say, if the store has a certification."""
+    changes: tuple[str, ...] = ()
+    """What was changed by hand, a sentence each."""
 
     @property
     def shown_parameters(self) -> tuple[str, ...]:

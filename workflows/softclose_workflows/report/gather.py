@@ -36,6 +36,7 @@ from softclose_workflows.report.sections import found_in
 from softclose_workflows.report.shapes import shares, speed_edges
 from softclose_workflows.run.records import observations
 from softclose_workflows.tell import labels
+from softclose_workflows.tell.standing import changes_of
 
 if TYPE_CHECKING:
     from softclose_store import Campaign, StoredResponses
@@ -110,6 +111,7 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
         samples=samples if picks else {},
         dependence=_dependence(config, history) if learned else None,
         certification=certification,
+        changes=changes_of(campaign),
     )
 
 

@@ -45,6 +45,7 @@ def health(data: ReportData) -> list[Check]:
     checks = (
         _intervals(data),
         _budget(data),
+        _changed(data),
         _progress(data),
         _optima(data),
         _surrogate(data),
@@ -75,6 +76,14 @@ def _budget(data: ReportData) -> Check:
     said += f", {count(failed)} of them failed" if failed else ", none failed"
     said += f"; {count(stood_in)} replace a proposal that failed." if stood_in else "."
     return Check(name="Budget", good=data.finished and not failed and not stood_in, said=said)
+
+
+def _changed(data: ReportData) -> Check | None:
+    """Readings that a person corrected or withdrew, waveforms that a person chose: nothing of it is hidden."""
+    if not data.changes:
+        return None
+    said = "; ".join(data.changes)
+    return Check(name="By hand", good=True, said=f"{said[:1].upper()}{said[1:]}. What was told first is kept.")
 
 
 def _progress(data: ReportData) -> Check | None:

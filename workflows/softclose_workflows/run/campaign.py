@@ -124,7 +124,7 @@ class Driver:
         self._retries = Retries(self.executor.submit)
         problem = Problem(self.config, help=self._prior())
         self.waves = plan(problem)
-        self._proposer = Proposer(problem)
+        self._proposer = Proposer(problem, by_hand=records.by_hand(self.store.by_hand(), self.store.layout))
         self._asked = [q.name for q in asked(self.config)]
         self._observe(records.observations(self.store.records()))
 
@@ -239,6 +239,21 @@ class Driver:
             result = recovered(stored, markers[place])
             if result is not None:
                 flight.results[place] = result
+
+    @property
+    def n_proposed(self) -> int:
+        """Waves that are proposed, committed or in flight."""
+        return self.store.n_waves + len(self._flights)
+
+    def n_told(self, candidate: int) -> int:
+        """Switches of a candidate whose blocks are all stored, committed or not; 0 of another."""
+        if 0 <= candidate < self.store.n_committed:
+            return self._history[candidate].n_switches
+        for flight in self._flights.values():
+            if flight.wave.start <= candidate < flight.wave.stop:
+                missing = any(task.first <= candidate < task.first + len(task.waveforms) for task in flight.missing)
+                return 0 if missing else flight.wave.n_switches
+        return 0
 
     @property
     def is_ready(self) -> bool:

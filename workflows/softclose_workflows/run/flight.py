@@ -90,12 +90,17 @@ class Flight:
             settling_us=np.concatenate([result.settling_us[local] for result, local in parts]),
             asked=joined_asked([result.asked[local] for result, local in parts if result.asked is not None]),
         )
-        found = judge(config, response)
-        values = told(config, response, found)
-        record = records.assessment_record(found, values)
-        if math.isnan(found.g_cm_s):
-            record |= {"failed": True, "failure": why_undefined(response, values)}
-        return proposed | record | timings
+        return proposed | judged_record(config, response) | timings
+
+
+def judged_record(config: CampaignConfig, response: Judged) -> dict[str, Any]:
+    """The record of what a candidate's switches did."""
+    found = judge(config, response)
+    values = told(config, response, found)
+    record = records.assessment_record(found, values)
+    if math.isnan(found.g_cm_s):
+        record |= {"failed": True, "failure": why_undefined(response, values)}
+    return record
 
 
 def joined_asked(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from softclose.evaluate.quantities import QUANTITIES, Value
 from softclose.metrics.objective import Assessment
+from softclose.propose.by_hand import ByHand, Corrected
 from softclose.propose.protocol import Observation, Proposal
 from softclose.waveform import Waveform
+from softclose_store import Changed, Layout, result_of
 from softclose_store.schema.fields import SURROGATE_PREFIX
 
 
@@ -133,3 +135,22 @@ def observations(records: Mapping[str, NDArray[Any]]) -> list[Observation]:
             | {"surrogate": {name: column[i] for name, column in said.items()}}
         ]
     ]
+
+
+def by_hand(changes: Sequence[Changed], layout: Layout) -> ByHand:
+    """What a person has changed, as proposals see it."""
+    return ByHand(
+        readings=tuple(
+            Corrected(from_wave=change.from_wave, result=_result(change, layout))
+            for change in changes
+            if change.record is not None
+        ),
+        chosen={c.candidate: Waveform.from_rows(c.waveform) for c in changes if c.waveform is not None},
+    )
+
+
+def _result(change: Changed, layout: Layout) -> Observation:
+    columns = result_of(change, layout)
+    asked = [name for name in QUANTITIES if name in columns]
+    row = {name: column[0] for name, column in columns.items()} | {"waveform": np.array([[0.0, 1.0, 0.0, 0.0]])}
+    return observation(change.candidate, 0, row, asked)

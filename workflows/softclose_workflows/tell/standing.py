@@ -41,6 +41,8 @@ class Standing:
     """What its ensemble says of the limit on p_nc; None in the penalty form."""
     warning: str = ""
     """Where the best candidate leaves more than objective.warn_open of the switches open."""
+    changes: tuple[str, ...] = ()
+    """What was changed by hand, a sentence each."""
 
     @property
     def finished(self) -> bool:
@@ -61,6 +63,7 @@ class Standing:
             "best": None if self.best is None else best_to_json(self.best),
             "warning": self.warning,
             "limit": None if self.limit is None else asdict(self.limit),
+            "changed_by_hand": list(self.changes),
         }
 
 
@@ -102,7 +105,13 @@ def standing_of(campaign: Campaign, store: str) -> Standing:
         best=best,
         limit=None if best is None else _limit(campaign.config, best, records),
         warning="" if best is None else stored_open_warning(campaign.config, best.p_nc),
+        changes=changes_of(campaign),
     )
+
+
+def changes_of(campaign: Campaign) -> tuple[str, ...]:
+    """What was changed by hand, a sentence each."""
+    return tuple(f"candidate {change.candidate}: {change.note}" for change in campaign.by_hand)
 
 
 def stored_open_warning(config: Mapping[str, Any], p_nc: float) -> str:

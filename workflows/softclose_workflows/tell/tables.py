@@ -162,7 +162,7 @@ def print_standing(standing: Standing) -> None:
     done = standing.committed / max(standing.budget, 1)
     state = "finished" if standing.finished else in_percent(done)
     console.print(f"{standing.name}: {standing.committed:,} of {standing.budget:,} candidates committed ({state})")
-    for line in trouble_lines(standing):
+    for line in (*trouble_lines(standing), *standing.changes):
         console.print(line)
     best = standing.best
     if best is None:

@@ -1,0 +1,1 @@
+"""The room of benches: campaigns whose responses are measured."""
