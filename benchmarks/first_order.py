@@ -15,12 +15,13 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from softclose import simulate
+from softclose.arrays import FloatArray
 from softclose.evaluate import judge
 from softclose.metrics.objective import CM_S
 from softclose.population import switches_from_parameters
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig, load_config
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 from softclose_workflows.analyses.certify import simulate_fresh
 
 NORMAL_90 = 1.2815515655446004

@@ -15,12 +15,12 @@ import numpy as np
 from softclose.device.device import Device
 from softclose.identify.least_squares import identify
 from softclose.identify.model import Model, predicted
-from softclose.identify.readings import Dynamics, Kind, Reading
+from softclose.identify.readings import Dynamics, Reading, ReadingKind
 from softclose.switch.losses import Losses
 
 SWITCH = np.array([2.4, 3.7, 97.0, 6.2])
 VOLTS = (103.0, 108.0, 115.0, 130.0, 150.0)
-CASES: dict[str, tuple[Losses, dict[str, float], tuple[Kind, ...], tuple[Kind, ...]]] = {
+CASES: dict[str, tuple[Losses, dict[str, float], tuple[ReadingKind, ...], tuple[ReadingKind, ...]]] = {
     "closing, second contact, pull-in, resonance": (
         Losses(),
         {"M": 7.1, "force": 1.1, "restitution": 0.6},

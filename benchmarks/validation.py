@@ -88,7 +88,7 @@ def plate() -> Iterator[Row]:
     switch = [2.6, 3.8, k, mass]
     stiffness = mass * 1e-3 * (2.0 * math.pi * 61.0) ** 2
     dashpot = 2.0 * 0.2 * mass * 2.0 * math.pi * 61.0
-    contact = CompliantContact(stiffness_N_per_m=stiffness, exponent=1.0, dashpot_uN_s_per_m=dashpot)
+    contact = CompliantContact(force_at_1_um_uN=stiffness, exponent=1.0, dashpot_uN_s_per_m=dashpot)
     modes = ReducedOrder(mode=(Mode(frequency_kHz=f, quality_factor=25.0),), contact=contact)
     # Before the first contact only: this contact lets the plate through at that voltage.
     found = step(

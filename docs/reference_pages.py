@@ -197,7 +197,7 @@ def schema_page() -> str:
         ("Fields of `records`", (*pulses, *fields.PROPOSALS, fields.WAVE, *fields.RESULTS)),
         ("Columns of `words`", fields.WORDS),
         ("Columns of `wall_times`", fields.WALL),
-        ("Quantities of `response`", fields.QUANTITIES),
+        ("Quantities of `response`", fields.RESPONSE_QUANTITIES),
         ("Quantities of `impact`", fields.IMPACT_QUANTITIES),
     ):
         lines += ["", f"## {title}", "", "| name | unit | meaning |", "| --- | --- | --- |"]
@@ -230,7 +230,7 @@ _RELEASE = {
     "release_stuck": "never left the contact",
     "release_rebound": "touched the contact again",
     "release_overshoot": "largest displacement beyond rest, in travels",
-    "release_settling_us": "time until it stays near rest [µs]",
+    "release_rest_us": "time until it stays near rest [µs]",
 }
 RESULT_ARRAYS = {
     "certification/…": {

@@ -55,14 +55,14 @@ def at(config: CampaignConfig, u: dict[int, Any], population: Any = None) -> lis
         z = ndtri(np.clip(u[MEASUREMENT][:, :2], 1e-12, 1 - 1e-12))
         read = trim.true(switches) * np.maximum(1.0 + z * [t.pull_in_error, t.resonance_error], 0.1)
         scales = trim.scales(read)
-        for row, a, b in zip(found, scales.voltage, scales.time, strict=True):
+        for row, a, b in zip(found, scales.volts, scales.times, strict=True):
             row["a"], row["b"] = float(a), float(b)
     if t.measured == "contact times":
         learned = next(c for c in chain_of(config).conditions if isinstance(c, TailoredByLearning)).learned
         z = ndtri(np.clip(u[TIMING][:, 0], 1e-12, 1 - 1e-12))
         told = [actuated(config, row, learned.protocol, float(e)) for row, e in zip(found, z, strict=True)]
         scales = learned.trim.scales(learned.estimate(np.array(told)))
-        for row, a, b in zip(found, scales.voltage, scales.time, strict=True):
+        for row, a, b in zip(found, scales.volts, scales.times, strict=True):
             row["a"], row["b"] = float(a), float(b)
     if config.amplifier.scatters:
         z = ndtri(np.clip(u[DRIVE][:, :2], 1e-12, 1 - 1e-12))

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import contextlib
+import enum
+import inspect
+import itertools
 import json
 import re
 import subprocess
@@ -15,6 +20,7 @@ import softclose_store
 import softclose_workflows.api
 from softclose import load_config
 from softclose.presets import preset_names
+from softclose_workflows.cli import main
 
 PACKAGES = {m.__name__: m for m in (softclose, softclose_store, softclose_workflows.api)}
 NAMES = Path(__file__).parent / "public_names.json"
@@ -60,3 +66,47 @@ def test_a_preset_is_loaded_by_its_name(name: str) -> None:
     config = load_config(name, ["campaign.seed=7"])
     assert config.campaign.seed == 7
     assert config.fingerprint() != load_config(name, ["campaign.seed=8"]).fingerprint()
+
+
+def _defined() -> dict[str, list[str]]:
+    """Classes and types by their names, and the modules that define them."""
+    found: dict[str, list[str]] = {}
+    for package in (softclose, softclose_store, softclose_workflows):
+        for path in sorted(Path(package.__path__[0]).rglob("*.py")):
+            for node in ast.parse(path.read_text("utf-8")).body:
+                name = getattr(node, "name", "") if isinstance(node, ast.ClassDef) else ""
+                if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                    name = node.targets[0].id
+                if name[:1].isupper() and not name.isupper():
+                    found.setdefault(name, []).append(path.stem)
+    return found
+
+
+def test_a_class_or_type_has_a_name_of_its_own() -> None:
+    """One name for one notion: who reads it in a message or an import knows which is meant."""
+    assert {name: at for name, at in _defined().items() if len(at) > 1} == STORE_OF_ITS_OWN
+
+
+STORE_OF_ITS_OWN = {"FloatArray": ["arrays", "reader"]}
+"""The store does not import the science."""
+
+
+def test_a_name_is_exported_once_but_for_commands() -> None:
+    """`softclose assess` and `calibrate`, `softclose verify` are commands, which Python has by the same names."""
+    pairs = itertools.combinations(PACKAGES.values(), 2)
+    twice = set().union(*({*a.__all__} & {*b.__all__} for a, b in pairs))
+    assert twice == {"assess", "calibrate", "verify"}
+    assert twice <= set(main.commands)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_what_public_names_are_given_is_what_was_decided_on(package: str) -> None:
+    """The names of arguments and fields are as public as the names themselves."""
+    decided = json.loads(NAMES.read_text("utf-8"))["arguments"][package]
+    found = {}
+    for name in PACKAGES[package].__all__:
+        value = getattr(PACKAGES[package], name)
+        if callable(value) and not (isinstance(value, type) and issubclass(value, Exception | enum.Enum)):
+            with contextlib.suppress(ValueError):  # a class of C, a protocol
+                found[name] = list(inspect.signature(value).parameters)
+    assert found == decided

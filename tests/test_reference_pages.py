@@ -43,7 +43,7 @@ def test_every_array_and_field_is_on_the_page() -> None:
         hierarchy.MARKER.name,
         *COLUMNS,
     ]
-    known = [f.name for f in (*fields.RECORDED, *fields.QUANTITIES, *fields.IMPACT_QUANTITIES)]
+    known = [f.name for f in (*fields.RECORDED, *fields.RESPONSE_QUANTITIES, *fields.IMPACT_QUANTITIES)]
     assert [name for name in [*arrays, *known] if f"| `{name}` |" not in page] == []
 
 

@@ -10,8 +10,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.device import Device
 from softclose.device.drives import Drives
 from softclose.device.simulate import Responses
@@ -22,8 +22,6 @@ from softclose.population.lot import Lot
 from softclose.switch.losses import Losses
 from softclose.switch.plate import holding_voltage, resonance
 from softclose.waveform import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform, is_above
-
-FloatArray = NDArray[np.float64]
 
 SOFT_UM_PER_US = 1e-5
 """Largest contact speed of the mean switch that still counts as a soft landing [µm/µs]: 1e-3 cm/s."""

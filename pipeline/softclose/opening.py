@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.conditions.streams import BRAKE
 from softclose.evaluate.chain import cases_of, chain_of, drives_of
 from softclose.evaluate.pieces import Mapper, Sent, here
@@ -25,7 +26,7 @@ from softclose.population.lot import Lot
 from softclose.propose.descents import strategy
 from softclose.settings import CampaignConfig
 from softclose.switch.plate import holding_voltage
-from softclose.waveform import FloatArray, Pulse, Waveform
+from softclose.waveform import Pulse, Waveform
 
 if TYPE_CHECKING:
     from softclose.device.simulate import Responses
@@ -66,7 +67,7 @@ class Released:
     """(n,) touching the contact again after it left."""
     overshoot: FloatArray
     """(n,) largest displacement beyond rest, in travels D; NaN where it was not held."""
-    settling_us: FloatArray
+    rest_us: FloatArray
     """(n,) time from the begin of the fall to |x| within `BAND` D for good [µs], seen for half a period of its own or
     more; inf: not in time, NaN: not held."""
     times_us: FloatArray
@@ -91,9 +92,9 @@ class Opening:
     """Level-quantile of the largest displacement beyond rest, in travels D."""
     overshoot_interval: Interval
     """Distribution-free, by order statistics."""
-    settling_us: float
+    rest_us: float
     """Level-quantile of the time from the begin of the fall to |x| within `BAND` D for good [µs]; inf: not in time."""
-    settling_interval: Interval
+    rest_interval: Interval
     """Distribution-free, by order statistics [µs]."""
 
 
@@ -214,14 +215,14 @@ def _seen(
     last = np.where(outside.any(axis=1), times.size - 1 - outside[:, ::-1].argmax(axis=1), 0)
     # A switch that swings for ever crosses the band once in half a period: only half a period inside it is rest.
     half_us = math.pi * np.sqrt(lot["M"] / (1e-3 * lot["K"]))
-    settling = np.where(b * (times[-1] - times[last]) < half_us, math.inf, b * times[last])
+    rest = np.where(b * (times[-1] - times[last]) < half_us, math.inf, b * times[last])
     return Released(
         waveform=waveform,
         held=held,
         stuck=held & ~left,
         rebound=held & left & later.any(axis=1),
         overshoot=np.where(held, np.maximum(-x.min(axis=1), 0.0), math.nan),
-        settling_us=np.where(held, settling, math.nan),
+        rest_us=np.where(held, rest, math.nan),
         times_us=times,
         quantiles=np.quantile(x[held], (0.05, 0.5, 0.95), axis=0) if held.any() else np.full((3, times.size), math.nan),
     )
@@ -236,7 +237,7 @@ def _worse(a: Released, b: Released) -> Released:
         stuck=held & (a.stuck | b.stuck),
         rebound=held & (a.rebound | b.rebound),
         overshoot=np.where(held, np.fmax(a.overshoot, b.overshoot), math.nan),
-        settling_us=np.where(held, np.fmax(a.settling_us, b.settling_us), math.nan),
+        rest_us=np.where(held, np.fmax(a.rest_us, b.rest_us), math.nan),
     )
 
 
@@ -248,7 +249,7 @@ def joined(parts: Sequence[Released]) -> Released:
         stuck=np.concatenate([part.stuck for part in parts]),
         rebound=np.concatenate([part.rebound for part in parts]),
         overshoot=np.concatenate([part.overshoot for part in parts]),
-        settling_us=np.concatenate([part.settling_us for part in parts]),
+        rest_us=np.concatenate([part.rest_us for part in parts]),
     )
 
 
@@ -263,7 +264,7 @@ def assess_opening(config: CampaignConfig, released: Released) -> Opening:
         raise OpeningError(f"{n} of {held.size} switches are held when the fall begins; open later, or hold higher")
     level, confidence = config.objective.level, config.objective.confidence
     overshoot, overshoot_interval = quantile_estimate(np.sort(released.overshoot[held]), level, confidence)
-    settling_us, settling_interval = quantile_estimate(np.sort(released.settling_us[held]), level, confidence)
+    rest_us, rest_interval = quantile_estimate(np.sort(released.rest_us[held]), level, confidence)
     return Opening(
         released=released,
         n=n,
@@ -271,8 +272,8 @@ def assess_opening(config: CampaignConfig, released: Released) -> Opening:
         p_rebound=proportion(int(released.rebound.sum()), n, confidence),
         overshoot=overshoot,
         overshoot_interval=overshoot_interval,
-        settling_us=settling_us,
-        settling_interval=settling_interval,
+        rest_us=rest_us,
+        rest_interval=rest_interval,
     )
 
 

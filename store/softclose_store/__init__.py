@@ -26,7 +26,7 @@ from softclose_store.read.table import result_of
 from softclose_store.schema.digests import assessed_digest, canonical_json, fingerprint_of, proposals_digest
 from softclose_store.schema.fields import (
     IMPACT_QUANTITIES,
-    QUANTITIES,
+    RESPONSE_QUANTITIES,
     SCHEMA_VERSION,
     CaseColumn,
     Constant,
@@ -45,7 +45,7 @@ __all__ = [
     "CASE_PREFIX",
     "IMPACT_QUANTITIES",
     "MIN_INNER",
-    "QUANTITIES",
+    "RESPONSE_QUANTITIES",
     "SCHEMA_VERSION",
     "Best",
     "Campaign",

@@ -17,7 +17,7 @@ from softclose.population.calibrate import Calibration, calibrate, device_parame
 from softclose.population.distributions import Bounded
 from softclose.population.fit import cramer_von_mises, estimate, fit
 from softclose.population.measurements import MeasurementError, read_devices, read_measurements, write_synthetic
-from softclose.population.plausible import Kind
+from softclose.population.plausible import FitKind
 
 EXAMPLE = Path(str(resources.files("softclose.population") / "shipped" / "example_measurements.csv"))
 
@@ -122,7 +122,7 @@ def test_a_uniform_reaches_beyond_its_data_by_their_mean_spacing() -> None:
 
 @pytest.mark.parametrize(("kind", "bounds"), [("beta", None), ("beta", (0.0, 1.0)), ("uniform", None)])
 @pytest.mark.parametrize("n", [12, 60])
-def test_the_fitted_spread_is_right_on_average(kind: Kind, bounds: tuple[float, float] | None, n: int) -> None:
+def test_the_fitted_spread_is_right_on_average(kind: FitKind, bounds: tuple[float, float] | None, n: int) -> None:
     """Maximum likelihood's is 12 % too small at 12 values."""
     truth = Bounded(lower=0.0, upper=1.0, alpha=1.4, beta=2.6) if kind == "beta" else Bounded(lower=0.0, upper=1.0)
     rng = np.random.default_rng(n)
@@ -133,7 +133,7 @@ def test_the_fitted_spread_is_right_on_average(kind: Kind, bounds: tuple[float, 
 @pytest.mark.parametrize(("kind", "bounds"), [("beta", None), ("beta", (0.0, 1.0)), ("uniform", None)])
 @pytest.mark.parametrize("alpha", [1.07, 2.0])
 def test_the_lot_is_among_those_that_twelve_devices_may_have_come_from(
-    kind: Kind, bounds: tuple[float, float] | None, alpha: float
+    kind: FitKind, bounds: tuple[float, float] | None, alpha: float
 ) -> None:
     """Each of lower, upper, mean and sd within its interval in some 95 of 100 lots of 12; 50 to 70 of them before."""
     truth = Bounded(lower=0.0, upper=1.0, alpha=alpha, beta=4.0 - alpha)

@@ -125,7 +125,7 @@ def test_statics_say_at_which_voltage_a_held_electrode_collapses() -> None:
 def test_a_soft_contact_lets_the_plate_through_where_statics_say_so() -> None:
     soft = ReducedOrder(
         mode=(Mode(frequency_kHz=20.0, quality_factor=1.0),),
-        contact=CompliantContact(stiffness_N_per_m=4000.0, exponent=1.0, loss_us_per_um=2.0),
+        contact=CompliantContact(force_at_1_um_uN=4000.0, exponent=1.0, loss_us_per_um=2.0),
     )
     (limit,) = collapse_voltage(MEAN[None], soft, AREA)
     pull_in = float(pull_in_voltage(MEAN, AREA))
@@ -275,7 +275,7 @@ def test_an_ideal_step_in_mid_drive_is_seen_at_its_instant() -> None:
 
 def test_a_compliant_contact_presses_and_never_pulls() -> None:
     """A dashpot that would creep for 15 µs lets go in a fraction of one: what flies off then is the spring alone."""
-    soft = CompliantContact(stiffness_N_per_m=1e4, exponent=1.0, dashpot_uN_s_per_m=6e4)
+    soft = CompliantContact(force_at_1_um_uN=1e4, exponent=1.0, dashpot_uN_s_per_m=6e4)
     modes = ReducedOrder(mode=(Mode(frequency_kHz=20.0),), contact=soft)
     drop = Waveform([Pulse(0.0, 0.0, 200.0, 110.0)])
     times = np.linspace(200.0, 206.0, 6001)

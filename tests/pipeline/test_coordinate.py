@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from softclose.waveform.coordinates import FAR, Coordinate
+from softclose.waveform.coordinates import FAR, Axis
 
 CORE = {"low": 2.0, "high": 8.0}
 AXES = [
-    Coordinate(name="volts1", least=least, most=most, log=log, dense=dense, **CORE)
+    Axis(name="volts1", least=least, most=most, log=log, dense=dense, **CORE)
     for least in (0.1, 2.0)
     for most in (8.0, 300.0)
     for log in (False, True)

@@ -121,7 +121,7 @@ def test_tolerance_starts_from_the_lot_under_its_conditions_and_a_gain_reaches_e
 def test_a_slew_rate_of_a_tolerance_is_the_amplifier_s(name: str) -> None:
     c = config(name)
     lot = draw(c, 8, seed=2)
-    row = drive_tolerance(lot, DRIVE, errors=[DriveError(slew_V_per_us=10.0)], config=c)[1]
+    row = drive_tolerance(lot, DRIVE, errors=[DriveError(slew_volts_per_us=10.0)], config=c)[1]
     slower = replace(c, amplifier=replace(c.amplifier, slew_volts_per_us=10.0))
     assert row.assessment == evaluate(slower, lot, DRIVE, fresh=True)
 

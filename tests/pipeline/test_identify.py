@@ -352,7 +352,7 @@ def test_as_many_parameters_as_readings_rest_on_the_stated_errors() -> None:
 
 def test_every_parameter_has_a_unit_and_a_meaning_and_a_compliant_contact_no_restitution() -> None:
     soft = ReducedOrder(
-        mode=(Mode(frequency_kHz=20.0, quality_factor=3.0),), contact=CompliantContact(stiffness_N_per_m=1e5)
+        mode=(Mode(frequency_kHz=20.0, quality_factor=3.0),), contact=CompliantContact(force_at_1_um_uN=1e5)
     )
     assert set(replace(BEGIN, device=device(modes=soft)).values()) == {"K", "M", "Q", "force"}
     assert set(PARAMETERS) == {"K", "M", "Q", "film", "force", "restitution"}

@@ -77,7 +77,7 @@ def test_two_modes_agree_with_the_oracle(waveform: Waveform, film: float) -> Non
 
 @pytest.mark.slow
 def test_a_compliant_contact_agrees_with_the_oracle() -> None:
-    modes = ReducedOrder(mode=TWO, contact=CompliantContact(stiffness_N_per_m=2e5, exponent=1.5, loss_us_per_um=2.0))
+    modes = ReducedOrder(mode=TWO, contact=CompliantContact(force_at_1_um_uN=2e5, exponent=1.5, loss_us_per_um=2.0))
     switches = load_population("current").sample(3, seed=4)
     found = simulate(switches, HARD, modes=modes, max_impacts=4, rtol=1e-11, horizon_us=110.0)
     assert found.impact_time_us is not None
@@ -94,7 +94,7 @@ def test_a_compliant_contact_agrees_with_the_oracle() -> None:
 
 def test_a_stiff_compliant_contact_without_loss_rebounds_like_restitution_one() -> None:
     elastic = simulate([MEAN], HARD, modes=ONE_MODE, restitution=1.0, horizon_us=40.0, rtol=1e-10, max_impacts=3)
-    contact = CompliantContact(stiffness_N_per_m=1e8, exponent=1.0)
+    contact = CompliantContact(force_at_1_um_uN=1e8, exponent=1.0)
     stiff = simulate(
         [MEAN],
         HARD,
@@ -247,7 +247,7 @@ def test_the_film_of_a_rectangle_solves_reynolds_equation() -> None:
             "[[mode]]\nfrequency_kHz = 20\n[capacitance]\ngap_um = 4\npolynomial_fF = [40, 3]\nvalid_um = [1, 3]",
             "from rest \\(0\\) or before",
         ),
-        ("[[mode]]\nfrequency_kHz = 20\n[contact]\nstiffness_N_per_m = 0", "stiffness_N_per_m is 0"),
+        ("[[mode]]\nfrequency_kHz = 20\n[contact]\nforce_at_1_um_uN = 0", "force_at_1_um_uN is 0"),
         ("[[mode", "not valid TOML"),
     ],
 )

@@ -29,7 +29,7 @@ def test_an_instant_release_without_damping_swings_as_far_as_it_was_pulled() -> 
     found = judge_opening(config, switches, opened(STEP, 250.0), at_us=250.0)
     assert found.n == 300
     assert found.overshoot == pytest.approx(1.0, abs=1e-3)
-    assert math.isinf(found.settling_us), "nothing takes its energy out"
+    assert math.isinf(found.rest_us), "nothing takes its energy out"
     assert found.p_stuck.estimate == 0.0
     # x = D cos(omega t): the median is a quarter of a period later at rest.
     omega = np.median(np.sqrt(1e-3 * switches["K"] / switches["M"]))
@@ -47,7 +47,7 @@ def test_damping_settles_a_release_as_its_quality_factor_says() -> None:
     omega = math.sqrt(1e-3 * 65.3 / 3.41)
     t = np.linspace(0, 300, 300_001)
     x = np.exp(-0.5 * omega / q * t) * (np.cos(omega * root * t) + 0.5 / q / root * np.sin(omega * root * t))
-    assert found.settling_us == pytest.approx(t[np.flatnonzero(np.abs(x) > 0.05)[-1]], abs=0.4)
+    assert found.rest_us == pytest.approx(t[np.flatnonzero(np.abs(x) > 0.05)[-1]], abs=0.4)
 
 
 def test_adhesion_keeps_switches() -> None:
@@ -101,7 +101,7 @@ def test_what_was_not_held_is_not_judged() -> None:
     assert not (found.stuck | found.rebound)[~found.held].any()
     assert found.rebound[found.held].all()
     assert np.isnan(found.overshoot[~found.held]).all()
-    assert np.isnan(found.settling_us[~found.held]).all()
+    assert np.isnan(found.rest_us[~found.held]).all()
     assert np.isfinite(found.overshoot[found.held]).all()
 
 
@@ -110,7 +110,7 @@ def test_parts_of_a_lot_are_the_lot() -> None:
     switches, drive = draw(config, 60, seed=3), opened(SOFT, 250.0)
     whole = let_go(config, switches, drive, at_us=250.0)
     parts = joined([let_go(config, switches.rows(slice(a, a + 20)), drive, at_us=250.0) for a in (0, 20, 40)])
-    for name in ("held", "stuck", "rebound", "overshoot", "settling_us"):
+    for name in ("held", "stuck", "rebound", "overshoot", "rest_us"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), name)
 
 
@@ -120,7 +120,7 @@ def test_what_swings_for_ever_never_settles(watch_us: float) -> None:
     config = load_config({}, [f"opening.watch_us={watch_us}"])
     found = let_go(config, draw(config, 300, seed=5), opened(STEP, 250.0), at_us=250.0)
     assert found.held.sum() > 280
-    assert np.isinf(found.settling_us[found.held]).all()
+    assert np.isinf(found.rest_us[found.held]).all()
 
 
 @pytest.mark.parametrize("stiffness", [1e4, 5e4, 5e5])
@@ -132,7 +132,7 @@ def test_a_compliant_contact_lets_go_whatever_its_indentation(
     modes = tmp_path / "soft.toml"
     modes.write_text(
         "[[mode]]\nfrequency_kHz = 22.0\nquality_factor = 5.0\n[contact]\n"
-        f"stiffness_N_per_m = {stiffness}\nexponent = {exponent}\nloss_us_per_um = 8.0\n"
+        f"force_at_1_um_uN = {stiffness}\nexponent = {exponent}\nloss_us_per_um = 8.0\n"
     )
     config = load_config(
         {}, ["model.name=reduced-order", f"model.modes={modes}", "opening.watch_us=300", "waveform.max_volts=150"]
@@ -144,7 +144,7 @@ def test_a_compliant_contact_lets_go_whatever_its_indentation(
     assert found.released.quantiles[1, 0] > 1.0, "held beyond the travel"
     rigid = load_config({}, ["model.quality_factor=5.0", "opening.watch_us=300"])
     expected = judge_opening(rigid, switches, opened(STEP, 250.0), at_us=250.0)
-    assert found.settling_us == pytest.approx(expected.settling_us, abs=3.0)
+    assert found.rest_us == pytest.approx(expected.rest_us, abs=3.0)
     assert found.overshoot == pytest.approx(expected.overshoot, rel=0.15)
 
 
@@ -174,18 +174,18 @@ def test_under_every_condition_each_switch_opens_as_it_does_alone(name: str) -> 
         t = np.linspace(at * b, (at + 250.0) * b, LOOKS + 1)
         worst_of = config.temperature.worst_of
         tried = np.linspace(config.temperature.low_C, config.temperature.high_C, worst_of) if worst_of else [None]
-        overshoot, settling = [], []
+        overshoot, rest = [], []
         for celsius in tried:
             switch = row if celsius is None else by_hand.heated(config, row, float(celsius))
             r = by_hand.model(config, switch, own, 500.0 * b, times_us=t)
             x = r.x[0].astype(float) / switch["D"]
             assert x[0] == pytest.approx(1.0, abs=1e-6)
             overshoot.append(max(-x.min(), 0.0))
-            settling.append(t[np.flatnonzero(np.abs(x) > 0.05)[-1]] - at * b)
+            rest.append(t[np.flatnonzero(np.abs(x) > 0.05)[-1]] - at * b)
         assert found.held[i]
         assert not found.stuck[i]
         assert found.overshoot[i] == pytest.approx(max(overshoot), abs=2e-3)
-        assert found.settling_us[i] == pytest.approx(max(settling), abs=0.7)  # two looks
+        assert found.rest_us[i] == pytest.approx(max(rest), abs=0.7)  # two looks
 
 
 def test_at_its_worst_temperature_a_switch_is_judged_where_it_is_held_at_all_of_them() -> None:
@@ -199,7 +199,7 @@ def test_at_its_worst_temperature_a_switch_is_judged_where_it_is_held_at_all_of_
     np.testing.assert_array_equal(found.held, held)
     np.testing.assert_array_equal(found.rebound, held & np.any([r.rebound for r in alone], axis=0))
     np.testing.assert_array_equal(found.stuck, held & np.any([r.stuck for r in alone], axis=0))
-    for name in ("overshoot", "settling_us"):
+    for name in ("overshoot", "rest_us"):
         worst = np.max([getattr(r, name)[held] for r in alone], axis=0)
         np.testing.assert_array_equal(getattr(found, name)[held], worst, name)
         assert np.isnan(getattr(found, name)[~held]).all()

@@ -12,7 +12,7 @@ from softclose.propose import origins
 from softclose.propose.inputs import SWING
 from softclose.propose.origins import ORIGINS, group_of, label_of
 from softclose.waveform import coordinates
-from softclose.waveform.spaces import SPACES, Scales, build_space
+from softclose.waveform.spaces import SPACES, NaturalScales, build_space
 from softclose_workflows.figures.drawing import MARKERS
 from softclose_workflows.tell.labels import ORIGIN_GROUPS, PALETTE, coordinate_label
 
@@ -50,7 +50,7 @@ def test_an_origin_with_more_said_is_still_known_and_a_stranger_s_is_other() -> 
 
 @pytest.mark.parametrize("name", sorted(SPACES))
 def test_every_axis_of_every_space_has_words_and_a_unit(name: str) -> None:
-    problem_space = build_space(name, Scales(period_us=30.0, impulse=1e5, pull_in_volts=60.0, hold_volts=40.0))
+    problem_space = build_space(name, NaturalScales(period_us=30.0, impulse=1e5, pull_in_volts=60.0, hold_volts=40.0))
     for axis in problem_space.names:
         assert coordinates.label_of(axis) not in (None, axis)
         assert coordinate_label(axis).startswith(f"pulse {axis[-1]} ")

@@ -19,7 +19,7 @@ from softclose.evaluate.scoring import objective_settings
 from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
 from softclose.propose import prior as prior_module
-from softclose.propose.correction import Scale, trend
+from softclose.propose.correction import ArsinhScale, trend
 from softclose.propose.deviation import COUNTS_AS, TOO_SURE, too_sure
 from softclose.propose.plan import plan
 from softclose.propose.prior import Prior, prior_config
@@ -350,7 +350,7 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
 @settings(max_examples=examples(25), deadline=None)
 @given(mean=st.floats(-2.0, 3.0), sd=st.floats(0.01, 0.8))
 def test_mean_and_deviation_of_g_are_those_of_a_sample(mean, sd):
-    scale = Scale(best_cm_s=15.0)
+    scale = ArsinhScale(best_cm_s=15.0)
     z = mean + sd * np.random.default_rng(1).standard_normal(200_000)
     g = 15.0 + scale.width_cm_s * np.sinh(z)
     expected, deviation = scale.g(np.array([mean]), np.array([sd]))

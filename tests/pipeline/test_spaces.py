@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 
 from examples import examples
 from softclose.waveform import Pulse, Waveform
-from softclose.waveform.spaces import SPACES, Scales, SpaceError, build_space
+from softclose.waveform.spaces import SPACES, NaturalScales, SpaceError, build_space
 
 CURRENT = (2.43, 3.68, 65.3, 3.41)
 MODIFIED = (1.93, 4.18, 80.0, 3.7)
 
 
 def space_of(name, switch=CURRENT, **limits):
-    return build_space(name, Scales.from_switch(switch, plate_area_um2=16700.0, **limits))
+    return build_space(name, NaturalScales.from_switch(switch, plate_area_um2=16700.0, **limits))
 
 
 def test_scales_are_those_of_the_printed_mean_switch():
-    s = Scales.from_switch(CURRENT, plate_area_um2=16700.0)
+    s = NaturalScales.from_switch(CURRENT, plate_area_um2=16700.0)
     assert s.period_us == pytest.approx(2 * math.pi / math.sqrt(65.3 / 3410.0), rel=1e-12)
     assert s.pull_in_volts == pytest.approx(80.75, abs=0.05)  # Eq. 3
     force = 8.8541878128e-12 * 16700e-12 / 2 * (s.hold_volts / ((3.68 - 2.43) * 1e-6)) ** 2

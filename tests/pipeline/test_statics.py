@@ -161,7 +161,7 @@ def test_the_reference_of_a_trim_is_measured_in_its_own_model(prober: str, tmp_p
     mean = mean_switch(around.population, around.device)
     (reading,) = closes(mean[None], around.device.modes, np.array([trim.reference[0]]))
     assert reading == pytest.approx(trim.reference[0], rel=0.01)
-    assert trim.scales([[reading, trim.reference[1]]]).voltage[0] == pytest.approx(1.0, abs=0.012)
+    assert trim.scales([[reading, trim.reference[1]]]).volts[0] == pytest.approx(1.0, abs=0.012)
 
 
 def test_a_model_of_somebody_else_s_is_asked_by_a_slow_ramp(monkeypatch: pytest.MonkeyPatch) -> None:

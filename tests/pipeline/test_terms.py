@@ -56,7 +56,7 @@ def one(**mode: Any) -> ReducedOrder:
         (
             ReducedOrder(
                 mode=one().mode,
-                contact=CompliantContact(stiffness_N_per_m=2e5, exponent=1.0, dashpot_uN_s_per_m=3000.0),
+                contact=CompliantContact(force_at_1_um_uN=2e5, exponent=1.0, dashpot_uN_s_per_m=3000.0),
             ),
             Losses(),
             {"compliance": (200.0, 1.0, 0.0), "dashpot": 3.0},
@@ -190,7 +190,7 @@ def test_a_linear_contact_loses_what_its_damping_ratio_says() -> None:
     d, _g, _k, m = MEAN
     zeta, stiffness = 0.2, 4e6
     dashpot = 2.0 * zeta * math.sqrt(stiffness * m * 1e-9) * 1e6
-    contact = CompliantContact(stiffness_N_per_m=stiffness, exponent=1.0, dashpot_uN_s_per_m=dashpot)
+    contact = CompliantContact(force_at_1_um_uN=stiffness, exponent=1.0, dashpot_uN_s_per_m=dashpot)
     modes = ReducedOrder(mode=one().mode, contact=contact)
     times = np.linspace(0.0, 40.0, 400_001)
     found = simulate([MEAN], HARD, modes=modes, times_us=times, horizon_us=40.0, max_impacts=2, rtol=1e-11)
@@ -229,6 +229,6 @@ def test_a_model_with_every_term_is_stored_and_read_back() -> None:
     model = ReducedOrder(
         mode=one(cubic_per_um2=0.3).mode,
         dielectric=Dielectric(thickness_um=0.2, permittivity=7.6),
-        contact=CompliantContact(stiffness_N_per_m=1e5, dashpot_uN_s_per_m=20.0),
+        contact=CompliantContact(force_at_1_um_uN=1e5, dashpot_uN_s_per_m=20.0),
     )
     assert ReducedOrder.from_dict(model.to_dict()) == model

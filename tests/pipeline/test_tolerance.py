@@ -55,9 +55,9 @@ def test_a_gain_comes_on_top_of_that_of_each_switch_s_own_drive() -> None:
 def test_a_generator_that_is_fast_enough_changes_nothing_but_what_is_sampled() -> None:
     """The steepest slope of a pulse of volts U that rises in t is pi U / 2 t; the first also falls in 4 µs."""
     switches = load_population("current").sample(200, seed=3)
-    fast = drive_tolerance(switches, TWO, errors=[DriveError(slew_V_per_us=math.pi * 150.0 / 8.0 * 1.001)])[1]
+    fast = drive_tolerance(switches, TWO, errors=[DriveError(slew_volts_per_us=math.pi * 150.0 / 8.0 * 1.001)])[1]
     assert fast.v_u_shift_cm_s == pytest.approx(0.0, abs=0.05)
-    slow = drive_tolerance(switches, TWO, errors=[DriveError(slew_V_per_us=30.0)])[1]
+    slow = drive_tolerance(switches, TWO, errors=[DriveError(slew_volts_per_us=30.0)])[1]
     assert abs(slow.v_u_shift_cm_s) > 1.0
 
 
@@ -73,7 +73,7 @@ def test_a_slew_limits_the_slope_of_what_is_delivered_and_stretches_no_pulse(sle
         at += min(max(goal - at, -slew * 1e-3), slew * 1e-3)
         u[i] = at
     delivered = Trace(t, u).simplified(1e-3)
-    found = drive_tolerance(switches, TWO, errors=[DriveError(slew_V_per_us=slew)])[1]
+    found = drive_tolerance(switches, TWO, errors=[DriveError(slew_volts_per_us=slew)])[1]
     v = np.sort(by_itself(switches, delivered))
     v = v[~np.isnan(v)]
     assert found.assessment.n_contact == len(v) > 20
@@ -84,7 +84,7 @@ def test_a_slew_limits_the_slope_of_what_is_delivered_and_stretches_no_pulse(sle
 def test_a_slew_limits_an_amplifier_that_is_faster_and_no_other() -> None:
     """It is the slower of the two that counts."""
     switches = load_population("current").sample(100, seed=3)
-    errors = [DriveError(slew_V_per_us=s) for s in (20.0, 40.0)]
+    errors = [DriveError(slew_volts_per_us=s) for s in (20.0, 40.0)]
     slow = load_config({}, ["amplifier.slew_volts_per_us=30"])
     own, slower, faster = drive_tolerance(switches, TWO, errors=errors, config=slow)
     plain = drive_tolerance(switches, TWO, errors=errors)
@@ -211,7 +211,9 @@ def test_default_gains_are_symmetric_and_all_scenarios_are_of_some_per_cent_or_a
 def test_default_scenarios_change_one_thing_each() -> None:
     perfect = DriveError()
     for e in DEFAULT_ERRORS:
-        changed = [f for f in ("gain", "gain_sd", "jitter_us", "slew_V_per_us") if getattr(e, f) != getattr(perfect, f)]
+        changed = [
+            f for f in ("gain", "gain_sd", "jitter_us", "slew_volts_per_us") if getattr(e, f) != getattr(perfect, f)
+        ]
         assert len(changed) == 1
 
 
@@ -221,8 +223,8 @@ def test_default_scenarios_change_one_thing_each() -> None:
         ({"gain": -1.01}, "gain is -1.01"),
         ({"gain_sd": math.nan}, "gain_sd is nan"),
         ({"jitter_us": -0.5}, "jitter_us is -0.5"),
-        ({"slew_V_per_us": 0.0}, "above 0"),
-        ({"slew_V_per_us": -0.5}, "above 0"),
+        ({"slew_volts_per_us": 0.0}, "above 0"),
+        ({"slew_volts_per_us": -0.5}, "above 0"),
     ],
 )
 def test_errors_out_of_range_are_refused(error: dict[str, float], words: str) -> None:

@@ -16,13 +16,14 @@ from softclose import Pulse, Waveform, simulate
 from softclose.conditions.streams import Ensemble
 from softclose.conditions.trim import Tailored, Trim, TrimError, limited, trim_of
 from softclose.device.drives import scaled
-from softclose.device.scaled import Scales, effective
+from softclose.device.scaled import effective
 from softclose.evaluate import draw, evaluate, respond
 from softclose.evaluate.chain import chain_of
 from softclose.evaluate.respond import drives_of
 from softclose.population.population import index_uniforms
 from softclose.settings import ConfigError, load_config
 from softclose.switch.plate import closing_voltage, holding_voltage, pull_in_voltage, resonance
+from softclose.waveform.scales import Scales
 
 DRIVE = Waveform([Pulse(0.0, 5.0, 12.0, 100.0), Pulse(30.0, 6.0, 8.0, 130.0), Pulse(60.0, 7.0, math.inf, 90.0)])
 PRECISE = {"pull_in_error": 0.0, "resonance_error": 0.0}
@@ -64,7 +65,7 @@ def test_a_scaled_drive_moves_a_switch_as_the_drive_itself_moves_an_equal_one(a,
     t = np.linspace(0.0, 39.0, 40)
     own = simulate(switch, scaled(drive, a, b), horizon_us=250.0 * b, times_us=t * b, max_volts=math.inf)
     equal = simulate(
-        effective(switch, Scales(voltage=np.array([a]), time=np.array([b]))), drive, times_us=t, max_volts=math.inf
+        effective(switch, Scales(volts=np.array([a]), times=np.array([b]))), drive, times_us=t, max_volts=math.inf
     )
     until = np.nan_to_num(equal.first_contact_us, nan=math.inf)[0]
     before = t < until - 1e-6
@@ -137,8 +138,8 @@ def test_the_columns_are_what_was_measured_and_the_scales_of_it():
     read = np.stack([lot["measured_pull_in"], lot["measured_resonance"]], axis=1)
     np.testing.assert_array_equal(read, t.measured_of(lot.switches, u))
     scales = t.scales(read)
-    np.testing.assert_array_equal(lot["voltage_scale"], scales.voltage)
-    np.testing.assert_array_equal(lot["time_scale"], scales.time)
+    np.testing.assert_array_equal(lot["voltage_scale"], scales.volts)
+    np.testing.assert_array_equal(lot["time_scale"], scales.times)
 
 
 # What follows from the measurements.
@@ -148,8 +149,8 @@ def test_the_mean_switch_is_driven_by_the_waveform_itself():
     t = trim(**PRECISE)
     mean = np.asarray(t.population.mean_switch)[None]
     found = t.scales(t.true(mean))
-    assert found.voltage[0] == pytest.approx(1.0, abs=0.003)
-    assert found.time[0] == pytest.approx(1.0, abs=0.003)
+    assert found.volts[0] == pytest.approx(1.0, abs=0.003)
+    assert found.times[0] == pytest.approx(1.0, abs=0.003)
 
 
 def test_perfect_measurements_leave_every_switch_with_the_mean_pull_in_voltage_and_frequency():
@@ -175,14 +176,14 @@ def test_what_is_not_measured_is_followed_as_far_as_it_goes_with_what_is():
     t = trim(measured="pull-in", pull_in_error=0.0)
     switches = t.population.sample(4000, seed=5)
     true = np.log(t.true(switches) / t.reference)
-    b = np.log(t.scales(t.true(switches)).time)
+    b = np.log(t.scales(t.true(switches)).times)
     slope = np.polyfit(true[:, 0], true[:, 1], 1)[0]
     left = true[:, 1] + b
     assert left.std() < 0.3 * true[:, 1].std()
     assert abs(np.corrcoef(left, true[:, 0])[0, 1]) < 0.05
     assert t.coefficients[1, 1] == pytest.approx(slope, rel=0.02)
-    assert (trim(measured="pull-in", scaled="voltage").scales(t.true(switches)).time == 1.0).all()
-    assert (trim(measured="pull-in", scaled="time").scales(t.true(switches)).voltage == 1.0).all()
+    assert (trim(measured="pull-in", scaled="voltage").scales(t.true(switches)).times == 1.0).all()
+    assert (trim(measured="pull-in", scaled="time").scales(t.true(switches)).volts == 1.0).all()
 
 
 def test_what_is_known_badly_is_followed_less():
@@ -218,7 +219,7 @@ def test_a_switch_s_scales_depend_on_seed_stream_and_index_only():
 def test_bins_are_equally_likely_and_their_switches_share_a_drive():
     t = trim(measured="pull-in", bins=5)
     switches = t.population.sample(20_000, seed=1)
-    values, counts = np.unique(t.scales(measured(t, switches, seed=1)).voltage, return_counts=True)
+    values, counts = np.unique(t.scales(measured(t, switches, seed=1)).volts, return_counts=True)
     assert len(values) == 5
     np.testing.assert_allclose(counts / 20_000, 0.2, atol=0.012)
     edges, middles = t.bins_of(0)
@@ -229,7 +230,7 @@ def test_bins_are_equally_likely_and_their_switches_share_a_drive():
         atol=0.012,
     )
     single = trim(measured="pull-in", bins=1)
-    assert len(np.unique(single.scales(measured(single, switches, seed=1)).voltage)) == 1
+    assert len(np.unique(single.scales(measured(single, switches, seed=1)).volts)) == 1
 
 
 # Limits.
@@ -255,9 +256,9 @@ def test_no_scaled_drive_exceeds_the_limits():
 
 
 def test_a_drive_without_volts_or_without_rise_has_no_limit_to_keep():
-    asked = Scales(voltage=np.array([1.2]), time=np.array([0.8]))
+    asked = Scales(volts=np.array([1.2]), times=np.array([0.8]))
     found = limited(asked, peak_V=0.0, max_volts=100.0, shortest_rise_us=0.0, min_rise_us=4.0)
-    assert (found.voltage[0], found.time[0]) == (1.2, 0.8)
+    assert (found.volts[0], found.times[0]) == (1.2, 0.8)
 
 
 # What it is for.
@@ -319,7 +320,7 @@ def test_settings_that_cannot_be_are_refused(key, value, said):
 
 def test_an_unused_quantity_may_be_unknown():
     t = trim(measured="pull-in")
-    assert np.isfinite(t.scales([[60.0, math.nan]]).voltage).all()
+    assert np.isfinite(t.scales([[60.0, math.nan]]).volts).all()
 
 
 def test_a_trim_is_made_of_what_the_configuration_says():
@@ -334,8 +335,8 @@ def test_estimates_from_contact_times_are_followed_as_they_are():
     t = trim(measured="contact times")
     volts, khz = t.reference
     found = t.scales([[1.1 * volts, 0.9 * khz], [volts, khz]])
-    np.testing.assert_allclose(found.voltage, [1.1, 1.0])
-    np.testing.assert_allclose(found.time, [1.0 / 0.9, 1.0])
+    np.testing.assert_allclose(found.volts, [1.1, 1.0])
+    np.testing.assert_allclose(found.times, [1.0 / 0.9, 1.0])
 
 
 def test_one_bad_device_among_good_ones_is_named():
@@ -343,4 +344,4 @@ def test_one_bad_device_among_good_ones_is_named():
         trim().scales([[80.0, 22.0], [0.0, 22.0]])
     with pytest.raises(TrimError, match="row 2: the resonance is 99, but"):
         trim().scales([[80.0, 22.0], [81.0, 22.0], [82.0, 99.0]])
-    assert np.isfinite(trim().scales([[80.0 / 2.5, 22.0 * 2.5]]).voltage).all()
+    assert np.isfinite(trim().scales([[80.0 / 2.5, 22.0 * 2.5]]).volts).all()

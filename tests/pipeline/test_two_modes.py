@@ -138,7 +138,7 @@ def test_scaled_commands_and_columns_are_those_of_each_switch() -> None:
 
 def test_what_has_no_series_goes_to_the_twin() -> None:
     for modes in (
-        ReducedOrder(mode=PLATE.mode, contact=CompliantContact(stiffness_N_per_m=1e5)),
+        ReducedOrder(mode=PLATE.mode, contact=CompliantContact(force_at_1_um_uN=1e5)),
         ReducedOrder(mode=(*PLATE.mode, Mode(frequency_kHz=150.0, contact=0.1))),
         ReducedOrder(mode=PLATE.mode[:1]),
         ReducedOrder(mode=(PLATE.mode[0], Mode(frequency_kHz=70.0, contact=0.2, electrode=0.2, cubic_per_um2=0.1))),

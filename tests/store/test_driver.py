@@ -28,7 +28,7 @@ from small_store import (
     write_wave,
 )
 from softclose_store import (
-    QUANTITIES,
+    RESPONSE_QUANTITIES,
     DamageError,
     DriverStore,
     LayoutError,
@@ -63,7 +63,7 @@ def stored(sizes, i):
 def test_what_was_written_is_read_back_bit_for_bit(path):
     run(path)
     campaign, sizes = open_campaign(path), layout()
-    names = [quantity.name for quantity in QUANTITIES]
+    names = [quantity.name for quantity in RESPONSE_QUANTITIES]
     for i in range(8):
         expected = stored(sizes, i)
         responses, trajectories = campaign.responses(i), campaign.trajectories(i)

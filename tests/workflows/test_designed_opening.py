@@ -58,7 +58,7 @@ def best(store: str) -> int:
 
 def _same(a: Released, b: Released) -> None:
     assert a.waveform == b.waveform
-    for name in ("held", "stuck", "rebound", "overshoot", "settling_us", "times_us", "quantiles"):
+    for name in ("held", "stuck", "rebound", "overshoot", "rest_us", "times_us", "quantiles"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), name)
 
 

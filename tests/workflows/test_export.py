@@ -20,7 +20,7 @@ from softclose_store import open_campaign
 from softclose_workflows.cli import main
 from softclose_workflows.errors import ExportError
 from softclose_workflows.exports.pwl import STEP_EDGE_US, draw, spice_source
-from softclose_workflows.exports.samples import Scale, metadata, sample_times_us, volts_csv
+from softclose_workflows.exports.samples import CodeScale, metadata, sample_times_us, volts_csv
 from softclose_workflows.exports.tables import ensemble_dataset, history_dataset
 from softclose_workflows.tell.outputs import OutputError, whole_file, write_text
 
@@ -211,7 +211,7 @@ def test_codes_return_the_waveform_within_half_a_code(finished_store: Path, tmp_
 
 
 def test_the_largest_code_is_the_full_scale() -> None:
-    scale = Scale(bits=8, full_scale_V=150.0, signed=False, rate_MSps=1.0)
+    scale = CodeScale(bits=8, full_scale_V=150.0, signed=False, rate_MSps=1.0)
     codes = scale.encode(np.array([0.0, 75.0, 150.0]))
     assert codes.tolist() == [0, 128, 255]
     assert metadata(scale, codes, np.array([0.0, 75.0, 150.0]))["final_volts_to_hold"] == 150.0
@@ -223,7 +223,7 @@ def test_the_largest_code_is_the_full_scale() -> None:
     ("bits", "signed", "largest"), [(2, True, 1), (12, True, 2047), (12, False, 4095), (32, False, 2**32 - 1)]
 )
 def test_the_largest_code_of_a_generator(bits: int, signed: bool, largest: int) -> None:
-    assert Scale(bits=bits, full_scale_V=1.0, signed=signed, rate_MSps=1.0).max_code == largest
+    assert CodeScale(bits=bits, full_scale_V=1.0, signed=signed, rate_MSps=1.0).max_code == largest
 
 
 @pytest.mark.parametrize(
@@ -236,11 +236,11 @@ def test_the_largest_code_of_a_generator(bits: int, signed: bool, largest: int) 
 )
 def test_a_generator_that_cannot_be_is_refused(setting: dict[str, float], words: str) -> None:
     with pytest.raises(ExportError, match=words):
-        Scale(**({"bits": 8, "full_scale_V": 1.0, "signed": False, "rate_MSps": 1.0} | setting))  # type: ignore[arg-type]
+        CodeScale(**({"bits": 8, "full_scale_V": 1.0, "signed": False, "rate_MSps": 1.0} | setting))  # type: ignore[arg-type]
 
 
 def test_metadata_say_what_the_codes_are_worth() -> None:
-    scale = Scale(bits=2, full_scale_V=30.0, signed=False, rate_MSps=1.0)  # 10 V a code
+    scale = CodeScale(bits=2, full_scale_V=30.0, signed=False, rate_MSps=1.0)  # 10 V a code
     volts = np.array([0.0, 8.0, 21.0, 14.0])
     about = metadata(scale, scale.encode(volts), volts)
     assert (about["smallest_code"], about["largest_code"], about["n_samples"]) == (0, 2, 4)

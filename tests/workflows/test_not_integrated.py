@@ -49,7 +49,7 @@ SOFT = """
 frequency_kHz = 21.0
 quality_factor = 25.0
 [contact]
-stiffness_N_per_m = 312.4
+force_at_1_um_uN = 312.4
 exponent = 1.0
 loss_us_per_um = 2.367
 """

@@ -9,7 +9,7 @@ import numpy as np
 from small_campaigns import block_task
 from softclose import load_config, simulate
 from softclose.waveform import Waveform
-from softclose_store import QUANTITIES
+from softclose_store import RESPONSE_QUANTITIES
 from softclose_workflows.run.tasks import compute_block, rows_of, times_us
 
 GOOD = Waveform.from_rows([(0.0, 4.0, 20.0, 90.0), (40.0, 6.0, math.inf, 60.0)])
@@ -17,7 +17,7 @@ OTHER = Waveform.from_rows([(0.0, 4.0, math.inf, 120.0)])
 TOO_HIGH = Waveform.from_rows([(0.0, 4.0, math.inf, 170.0)])
 CONFIG = load_config({"population": {"n_switches": 12}, "store": {"n_times": 26, "max_impacts": 3}})
 SWITCHES = CONFIG.build_population().sample(12, seed=5)
-NAMES = [q.name for q in QUANTITIES]
+NAMES = [q.name for q in RESPONSE_QUANTITIES]
 NAME_IN_RESPONSES = {"first_contact": "first_contact_us", "settling": "settling_us"}
 
 

@@ -151,7 +151,7 @@ def test_the_waveform_of_one_switch_is_the_scaled_one(store, tmp_path):
     scales = trim_of(config.trim, chain_of(config).around).scales([[70.0, 21.0]])
     assert "volts × 0.8" in done.stderr
     drive = np.loadtxt(tmp_path / "w.csv", delimiter=",", skiprows=1)
-    expected = scales.voltage[0] * common.voltage(drive[:, 0] / scales.time[0])
+    expected = scales.volts[0] * common.voltage(drive[:, 0] / scales.times[0])
     assert_allclose(drive[:, 1], expected, atol=1e-5)
 
 

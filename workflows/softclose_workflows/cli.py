@@ -35,7 +35,7 @@ is lost and `softclose resume STORE` continues; 4 a limit of `sign` is not met.
 """
 
 
-class Group(click.Group):
+class CommandGroup(click.Group):
     """Turns this project's own errors into one message and an exit code."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -89,7 +89,7 @@ def _say(message: str) -> None:
     say(f"softclose: {message}", err=True)
 
 
-@click.group(cls=Group, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=CommandGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="softclose")
 @click.option("--verbose", "-v", is_flag=True, help="Log what happens, and show where an error came from.")
 @click.option(

@@ -25,6 +25,8 @@ MAX_CM_S = 1e6
 
 Count = Annotated[int, Field(ge=1, le=MAX_COUNT, strict=True)]
 
+Text = Annotated[str, Field(min_length=1)]
+
 SwitchCount = Annotated[int, Field(ge=1, le=MAX_SWITCHES, strict=True)]
 
 Positive = Annotated[float, Field(gt=0)]

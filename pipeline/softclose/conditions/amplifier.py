@@ -17,11 +17,12 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as section
 
 from softclose.allowed.types import SETTINGS
+from softclose.arrays import FloatArray
 from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
 from softclose.conditions.streams import Stream
 from softclose.device.drives import Drives, product
 from softclose.population.lot import Lot
-from softclose.waveform import AnyDrive, Delivered, FloatArray, Pulse, Trace, Waveform
+from softclose.waveform import AnyDrive, Delivered, Pulse, Trace, Waveform
 
 _LEAST = 0.05
 """Least gain or period of a clock over the nominal one: normal errors have no end, drives do."""

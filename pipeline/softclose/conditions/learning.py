@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.conditions.amplifier import normal_quantiles
 from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
 from softclose.conditions.streams import Stream
@@ -23,7 +24,7 @@ from softclose.device.drives import Drives
 from softclose.device.told import sobol_switches
 from softclose.population.lot import Lot
 from softclose.population.population import index_uniforms
-from softclose.waveform import FloatArray, Pulse, Waveform
+from softclose.waveform import Pulse, Waveform
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]
 """(switches (n, 4), volts (n,) of each one's step) -> (n,) first contact [µs], infinite where it never touches."""
@@ -196,8 +197,8 @@ class TailoredByLearning(Condition):
         return lot.with_columns(
             threshold=told[:, 0],
             contact_time=told[:, 1],
-            voltage_scale=scales.voltage,
-            time_scale=scales.time,
+            voltage_scale=scales.volts,
+            time_scale=scales.times,
         )
 
     def drives(self, drives: Drives, lot: Lot) -> Drives:

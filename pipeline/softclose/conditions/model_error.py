@@ -15,11 +15,11 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as section
 
 from softclose.allowed.types import SETTINGS
+from softclose.arrays import FloatArray
 from softclose.conditions.amplifier import normal_quantiles
 from softclose.conditions.protocol import Case, Condition, Coordinate, Surroundings, Uniforms
 from softclose.conditions.streams import Stream
 from softclose.population.lot import Lot
-from softclose.waveform import FloatArray
 
 _LEAST = 0.05
 """Least force or time over the model's own: normal errors have no end, switches do."""

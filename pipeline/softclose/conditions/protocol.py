@@ -10,16 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softclose.arrays import FloatArray
 from softclose.conditions.streams import Stream
 from softclose.device.device import Device
 from softclose.device.drives import Delivery, Drives
 from softclose.population import Population
 from softclose.population.lot import Lot
 
-FloatArray = NDArray[np.float64]
 Uniforms = Mapping[str, FloatArray]
 """Name of a coordinate -> (n, size) uniform numbers in [0, 1)."""
 

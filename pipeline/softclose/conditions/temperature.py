@@ -15,11 +15,11 @@ from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass as section
 
 from softclose.allowed.types import SETTINGS
+from softclose.arrays import FloatArray
 from softclose.conditions.protocol import Case, Condition, Coordinate, Surroundings, Uniforms
 from softclose.conditions.streams import Stream
 from softclose.population import Population
 from softclose.population.lot import Lot
-from softclose.waveform import FloatArray
 
 
 @section(frozen=True, slots=True, kw_only=True, config=SETTINGS)

@@ -13,24 +13,23 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 from pydantic.dataclasses import dataclass as section
 
 from softclose.allowed.types import SETTINGS
+from softclose.arrays import FloatArray
 from softclose.conditions.amplifier import normal_quantiles
 from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
 from softclose.conditions.streams import Stream
 from softclose.device.device import Device
 from softclose.device.drives import Drives, product
-from softclose.device.scaled import Scales
 from softclose.device.told import mean_switch, sobol_switches
 from softclose.population.lot import Lot
 from softclose.population.population import Population, index_uniforms
 from softclose.switch.plate import resonance
 from softclose.waveform import Drive, Trace
-
-FloatArray = NDArray[np.float64]
+from softclose.waveform.scales import Scales
 
 Measured = Literal["nothing", "pull-in", "resonance", "pull-in and resonance", "contact times"]
 
@@ -188,8 +187,8 @@ class Trim:
         voltage, frequency = self.coefficients @ np.stack(rows)
         plain = np.zeros(len(m))
         return Scales(
-            voltage=np.exp(voltage if "voltage" in self.scaled else plain),
-            time=np.exp(-frequency if "time" in self.scaled else plain),
+            volts=np.exp(voltage if "voltage" in self.scaled else plain),
+            times=np.exp(-frequency if "time" in self.scaled else plain),
         )
 
     @property
@@ -252,7 +251,7 @@ def limited(scales: Scales, *, peak_V: float, max_volts: float, shortest_rise_us
     """
     highest = max_volts / peak_V if peak_V > 0.0 else math.inf
     lowest = min_rise_us / shortest_rise_us if shortest_rise_us > 0.0 else 0.0
-    return Scales(voltage=np.minimum(scales.voltage, highest), time=np.maximum(scales.time, lowest))
+    return Scales(volts=np.minimum(scales.volts, highest), times=np.maximum(scales.times, lowest))
 
 
 MEASUREMENT = Coordinate(
@@ -312,8 +311,8 @@ class Tailored(Condition):
         return lot.with_columns(
             measured_pull_in=measured[:, 0],
             measured_resonance=measured[:, 1],
-            voltage_scale=scales.voltage,
-            time_scale=scales.time,
+            voltage_scale=scales.volts,
+            time_scale=scales.times,
         )
 
     def drives(self, drives: Drives, lot: Lot) -> Drives:
@@ -323,8 +322,8 @@ class Tailored(Condition):
 
 def within_limits(settings: TrimSection, around: Surroundings, drives: Drives, lot: Lot) -> Drives:
     """The command scaled for each switch of a lot that has been trimmed."""
-    given = given_scales(settings, around, Scales(voltage=lot["voltage_scale"], time=lot["time_scale"]), drives.command)
-    return replace(drives, volts=product(drives.volts, given.voltage), times=product(drives.times, given.time))
+    given = given_scales(settings, around, Scales(volts=lot["voltage_scale"], times=lot["time_scale"]), drives.command)
+    return replace(drives, volts=product(drives.volts, given.volts), times=product(drives.times, given.times))
 
 
 def given_scales(settings: TrimSection, around: Surroundings, asked: Scales, command: Drive) -> Scales:

@@ -6,9 +6,9 @@ needs (`Columns`). Nothing is guessed: where two ways of reading fit and give ot
 
 from softclose.datafiles.errors import TableError as TableError
 from softclose.datafiles.errors import Unfit as Unfit
-from softclose.datafiles.headings import Column as Column
 from softclose.datafiles.headings import Columns as Columns
 from softclose.datafiles.headings import Heading as Heading
+from softclose.datafiles.headings import NeededColumn as NeededColumn
 from softclose.datafiles.headings import parsed_columns as parsed_columns
 from softclose.datafiles.reading import Table as Table
 from softclose.datafiles.reading import read_table as read_table

@@ -29,7 +29,7 @@ _BINARY = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Text:
+class Decoded:
     """The lines of a file."""
 
     lines: tuple[str, ...]
@@ -38,7 +38,7 @@ class Text:
     """As Python calls it."""
 
 
-def decoded(path: str | Path) -> Text:
+def decoded(path: str | Path) -> Decoded:
     """Read a file. Raises TableError where it is none, too large, binary, or broken in its encoding."""
     file = at_home(path)
     try:
@@ -60,7 +60,7 @@ def decoded(path: str | Path) -> Text:
     text, encoding = _decode(data, str(path))
     if "\0" in text:
         raise TableError(f"{path} is not text: it has zero bytes")
-    return Text(lines=tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")), encoding=encoding)
+    return Decoded(lines=tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")), encoding=encoding)
 
 
 def _decode(data: bytes, path: str) -> tuple[str, str]:

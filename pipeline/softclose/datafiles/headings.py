@@ -10,7 +10,7 @@ from softclose.datafiles.errors import TableError
 from softclose.datafiles.numerals import Style, is_number
 from softclose.datafiles.units import known_unit, name_and_unit
 
-Row = tuple[int, tuple[str, ...]]
+FileLine = tuple[int, tuple[str, ...]]
 """The number of a line in its file, and its fields."""
 
 FARTHEST = 300
@@ -57,7 +57,7 @@ class Heading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class NeededColumn:
     """A column that is needed."""
 
     index: int
@@ -71,7 +71,7 @@ class Column:
 class Columns:
     """What a reader takes of a table."""
 
-    numbers: Mapping[str, Column]
+    numbers: Mapping[str, NeededColumn]
     """By the reader's own names; every row must have a number there, but for those that are `gappy`."""
     texts: Mapping[str, int] = field(default_factory=dict)
     """Columns of words; a row may lack them."""
@@ -86,7 +86,7 @@ Choose = Callable[[Heading], Columns]
 
 
 def candidates(
-    rows: Sequence[Row], commented: Sequence[Row], axes: Mapping[str, tuple[int, str]], *, exact: bool = False
+    rows: Sequence[FileLine], commented: Sequence[FileLine], axes: Mapping[str, tuple[int, str]], *, exact: bool = False
 ) -> Iterator[Heading]:
     """Every row that may be the heading of what follows, first that of a file without one.
 
@@ -152,7 +152,7 @@ def parsed_columns(text: str | None, allowed: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _without(rows: Sequence[Row], axes: Mapping[str, tuple[int, str]]) -> Heading:
+def _without(rows: Sequence[FileLine], axes: Mapping[str, tuple[int, str]]) -> Heading:
     width = max(len(fields) for _, fields in rows)
     numeric = tuple(
         column
@@ -163,7 +163,7 @@ def _without(rows: Sequence[Row], axes: Mapping[str, tuple[int, str]]) -> Headin
     return Heading(line=None, names=(), units=(), n_columns=width, first=0, numeric=numeric, filled=filled, axes=axes)
 
 
-def _heading(row: Row, first: int, below: Sequence[str] | None, axes: Mapping[str, tuple[int, str]]) -> Heading:
+def _heading(row: FileLine, first: int, below: Sequence[str] | None, axes: Mapping[str, tuple[int, str]]) -> Heading:
     line, fields = row
     n = max(len(fields), len(below or ()))
     names = (*fields, *[""] * (n - len(fields)))
@@ -194,7 +194,7 @@ def _mostly_words(fields: Sequence[str]) -> bool:
     return len(filled) >= 2 and 2 * sum(map(is_number, filled)) < len(filled)
 
 
-def _units_below(rows: Sequence[Row], i: int) -> tuple[str, ...] | None:
+def _units_below(rows: Sequence[FileLine], i: int) -> tuple[str, ...] | None:
     """The row of units under row i; None where the next row is none."""
     if i + 1 >= len(rows) or sum(bool(f) for f in rows[i][1]) < 2:
         return None

@@ -14,14 +14,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softclose.datafiles.decoding import Text, decoded
+from softclose.arrays import FloatArray
+from softclose.datafiles.decoding import Decoded, decoded
 from softclose.datafiles.errors import TableError, Unfit
-from softclose.datafiles.headings import Choose, Column, Columns, Heading, Row, axis_units, candidates, lowered
+from softclose.datafiles.headings import (
+    Choose,
+    Columns,
+    FileLine,
+    Heading,
+    NeededColumn,
+    axis_units,
+    candidates,
+    lowered,
+)
 from softclose.datafiles.numerals import STYLES, Style, is_number
-
-FloatArray = NDArray[np.float64]
 
 _SPLIT: dict[str, Callable[[str], list[str]]] = {"spaces": str.split, "wide spaces": re.compile(r" {2,}").split}
 """Spaces hide an empty field: so every row must have as many fields as the heading, and none a tab."""
@@ -54,11 +61,11 @@ class Table:
     """What the user should hear."""
 
 
-Plausible = Callable[[Table], str | None]
+Doubt = Callable[[Table], str | None]
 """Why the numbers of a table cannot be what they are taken for; None where they can."""
 
 
-def read_table(path: str | Path, choose: Choose, *, plausible: Plausible = lambda table: None) -> Table:
+def read_table(path: str | Path, choose: Choose, *, plausible: Doubt = lambda table: None) -> Table:
     """Read a table that somebody brings.
 
     Parameters
@@ -67,7 +74,7 @@ def read_table(path: str | Path, choose: Choose, *, plausible: Plausible = lambd
         The file.
     choose : Choose
         The columns that are needed under a heading; raises Unfit where there are none such.
-    plausible : Plausible
+    plausible : Doubt
         Decides between ways of reading that all fit and give other numbers: not between one and none.
 
     Returns
@@ -102,7 +109,7 @@ def read_table(path: str | Path, choose: Choose, *, plausible: Plausible = lambd
         )
         line = (a if row < len(a.lines) else b).lines[row]
         raise TableError(
-            f"{path} can be read in two ways. Line {line}: {name} is {_at(a, name, row)} by {a.said}, "
+            f"{path} can be read in two ways. FileLine {line}: {name} is {_at(a, name, row)} by {a.said}, "
             f"{_at(b, name, row)} by {b.said}. Write decimal points, and nothing between thousands"
         )
     if different:
@@ -112,7 +119,7 @@ def read_table(path: str | Path, choose: Choose, *, plausible: Plausible = lambd
     raise TableError(max(failures, key=lambda e: e.fitted).said(str(path)))
 
 
-def _separated(text: Text, path: str) -> Iterator[tuple[str, list[Row], list[Row]]]:
+def _separated(text: Decoded, path: str) -> Iterator[tuple[str, list[FileLine], list[FileLine]]]:
     """The file's rows by every separator that it may have: those in plain lines, and those behind comment signs."""
     lines = list(enumerate(text.lines, start=1))
     sep = _SEP.match(text.lines[0]) if text.lines else None
@@ -131,9 +138,9 @@ def _separated(text: Text, path: str) -> Iterator[tuple[str, list[Row], list[Row
             yield name, _split(plain, split), _split(behind, split)
 
 
-def _by_sign(lines: Sequence[tuple[int, str]], sign: str, path: str) -> list[Row]:
+def _by_sign(lines: Sequence[tuple[int, str]], sign: str, path: str) -> list[FileLine]:
     reader = csv.reader((line for _, line in lines), delimiter=sign, skipinitialspace=True)
-    rows: list[Row] = []
+    rows: list[FileLine] = []
     try:
         for fields in reader:
             if reader.line_num != len(rows) + 1:
@@ -144,7 +151,7 @@ def _by_sign(lines: Sequence[tuple[int, str]], sign: str, path: str) -> list[Row
     return [row for row in rows if any(row[1])]
 
 
-def _split(lines: Sequence[tuple[int, str]], split: Callable[[str], list[str]]) -> list[Row]:
+def _split(lines: Sequence[tuple[int, str]], split: Callable[[str], list[str]]) -> list[FileLine]:
     rows = [
         (n, tuple(f.strip('"') for f in ([line] if "\t" in line else split(line.strip(_BLANK))))) for n, line in lines
     ]
@@ -152,7 +159,13 @@ def _split(lines: Sequence[tuple[int, str]], split: Callable[[str], list[str]]) 
 
 
 def _styled(
-    path: str, text: Text, separator: str, below: Sequence[Row], rows: Sequence[Row], heading: Heading, columns: Columns
+    path: str,
+    text: Decoded,
+    separator: str,
+    below: Sequence[FileLine],
+    rows: Sequence[FileLine],
+    heading: Heading,
+    columns: Columns,
 ) -> list[Table]:
     """The table by every way of writing numbers that fits it. Raises Unfit where none does."""
     rows_of_it = _checked(below, heading, columns, separator)
@@ -190,10 +203,10 @@ def _styled(
     return found
 
 
-def _checked(below: Sequence[Row], heading: Heading, columns: Columns, separator: str) -> list[Row]:
+def _checked(below: Sequence[FileLine], heading: Heading, columns: Columns, separator: str) -> list[FileLine]:
     """The rows under a heading, without repetitions of it. Raises Unfit where one has more fields than names."""
     last = max(c.index for c in columns.numbers.values())
-    rows: list[Row] = []
+    rows: list[FileLine] = []
     for line, fields in below:
         if heading.repeats and lowered(fields) in heading.repeats:
             continue
@@ -219,7 +232,7 @@ def _checked(below: Sequence[Row], heading: Heading, columns: Columns, separator
     return rows
 
 
-def _numbers(texts: Sequence[str], column: Column, style: Style, is_gappy: bool) -> tuple[FloatArray, int | None]:
+def _numbers(texts: Sequence[str], column: NeededColumn, style: Style, is_gappy: bool) -> tuple[FloatArray, int | None]:
     """A column in the unit that is wanted, and the index of the first field that is no number."""
     values = np.empty(len(texts))
     for i, text in enumerate(texts):
@@ -230,7 +243,7 @@ def _numbers(texts: Sequence[str], column: Column, style: Style, is_gappy: bool)
     return values * column.factor + column.offset, None
 
 
-def _no_number(rows: Sequence[Row], failures: Sequence[tuple[int, int, str]]) -> Unfit:
+def _no_number(rows: Sequence[FileLine], failures: Sequence[tuple[int, int, str]]) -> Unfit:
     """What to say where no way of writing numbers fits: of the field that no style reads, or of two that contradict."""
     farthest = max(failures)
     line, fields = rows[farthest[0]]
@@ -252,7 +265,7 @@ def _no_number(rows: Sequence[Row], failures: Sequence[tuple[int, int, str]]) ->
     )
 
 
-def _check_above(rows: Sequence[Row], heading: Heading, sample: Sequence[str]) -> None:
+def _check_above(rows: Sequence[FileLine], heading: Heading, sample: Sequence[str]) -> None:
     """Raise Unfit where a row above the heading looks like one below it: a heading in the middle hides samples."""
     numeric = [i for i, field in enumerate(sample) if is_number(field)]
     for line, fields in rows[: heading.first]:

@@ -9,23 +9,23 @@ from functools import partial, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel
 
+from softclose.arrays import FloatArray
 from softclose.device.drives import Drives, product
 from softclose.device.protocol import load_model
-from softclose.device.scaled import Scales, Simulate, by_equal_switches, drive_by_drive
+from softclose.device.scaled import Simulate, by_equal_switches, drive_by_drive
 from softclose.plugins import MEASURED, REDUCED_ORDER, SINGLE_MODE, ModelError
 from softclose.population.lot import Lot
 from softclose.switch import plate, statics
 from softclose.switch.losses import Losses
 from softclose.switch.reduced_order import ONE_MODE, ReducedOrder
 from softclose.waveform import AnyDrive, Trace, Waveform
+from softclose.waveform.scales import Scales
 
 if TYPE_CHECKING:
     from softclose.device.simulate import Responses
-
-FloatArray = NDArray[np.float64]
 
 
 RAMP_PERIODS = 60.0
@@ -103,7 +103,7 @@ class Device:
             # Behind a low-pass times do not scale, volts do: of twice the command twice the volts.
             if self.scales and (as_commanded or (times is None and delivery is not None and delivery.is_linear)):
                 ones = np.ones(len(lot))
-                scales = Scales(voltage=ones if volts is None else volts, time=ones if times is None else times)
+                scales = Scales(volts=ones if volts is None else volts, times=ones if times is None else times)
                 return by_equal_switches(simulate, switches, common, scales)
             form: AnyDrive | None = command
             if not as_commanded and delivery is not None and isinstance(command, Waveform):

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from typing import Protocol, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.waveform import AnyDrive, Delivered, Drive, Pulse, Trace, Waveform
-
-FloatArray = NDArray[np.float64]
 
 
 class Delivery(Protocol):

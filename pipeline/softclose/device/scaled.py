@@ -8,13 +8,15 @@ checked against.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.device.drives import Drives
-from softclose.waveform import AnyDrive, FloatArray
+from softclose.waveform import AnyDrive
+from softclose.waveform.scales import Scales
 
 if TYPE_CHECKING:
     from softclose.device.simulate import Responses
@@ -26,24 +28,14 @@ _TIMES = ("first_contact_us", "settling_us", "impact_time_us")
 _SPEEDS = ("max_contact_speed", "final_v", "impact_speed", "v")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scales:
-    """What a drive is multiplied by; (n,) each, or single numbers."""
-
-    voltage: FloatArray
-    """a: the drive's volts are multiplied by it."""
-    time: FloatArray
-    """b: its instants and durations are."""
-
-
 def effective(switches: FloatArray, scales: Scales) -> FloatArray:
     """The switches that, driven by the common waveform, move as these do by their own: (n, 4) D, G, K/a², M/(a b)².
 
     Their travels are the same at times b as large, their speeds b times as large.
     """
     found = np.array(switches[:, :4], dtype=np.float64)
-    found[:, 2] /= scales.voltage**2
-    found[:, 3] /= (scales.voltage * scales.time) ** 2
+    found[:, 2] /= scales.volts**2
+    found[:, 3] /= (scales.volts * scales.times) ** 2
     return found
 
 
@@ -54,7 +46,7 @@ def by_equal_switches(simulate: Simulate, switches: FloatArray, drive: AnyDrive,
     """
     found = simulate(effective(switches, scales), drive)
     changed: dict[str, Any] = {}
-    for names, factor in ((_TIMES, scales.time), (_SPEEDS, 1.0 / scales.time)):
+    for names, factor in ((_TIMES, scales.times), (_SPEEDS, 1.0 / scales.times)):
         for name in names:
             values = getattr(found, name)
             if values is not None:

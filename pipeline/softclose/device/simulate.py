@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.status import Status as Status
 from softclose.glance import as_table, as_text
 from softclose.kernel import dispatch
@@ -18,11 +19,11 @@ from softclose.switch.losses import Losses
 from softclose.switch.plate import V_STICK, OtherAreaError, plate_area_of
 from softclose.switch.reduced_order import ReducedOrder
 from softclose.waveform import MAX_VOLTS, AnyDrive, Waveform
+from softclose.waveform.scales import Scales
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = NDArray[np.float64]
 
 RTOL_RANGE = (1e-13, 1e-6)
 """Tolerances that the methods are built for: below, rounding; above, steps too long to look for impacts in."""
@@ -394,7 +395,7 @@ def _number(name: str, value: float, *, low: float, high: float, unit: str = "")
     return number
 
 
-def _scales(volts: FloatArray | None, times: FloatArray | None, n: int) -> dispatch.Scales | None:
+def _scales(volts: FloatArray | None, times: FloatArray | None, n: int) -> Scales | None:
     """Scales of n commands; None where none is scaled."""
     if volts is None and times is None:
         return None
@@ -407,7 +408,7 @@ def _scales(volts: FloatArray | None, times: FloatArray | None, n: int) -> dispa
         if bad.size:
             raise SimulationError(f"{name} of switch {bad[0]} is {values[bad[0]]:g}; it must be above 0 and finite")
         found.append(values)
-    return dispatch.Scales(volts=found[0], times=found[1])
+    return Scales(volts=found[0], times=found[1])
 
 
 def _unscale(out: dispatch.KernelOutput, times: FloatArray) -> None:

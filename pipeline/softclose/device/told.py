@@ -7,15 +7,13 @@ stiffness that Eq. 3 gives pulls in elsewhere than it was told to. The voltage g
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.device import Device
 from softclose.plugins import REDUCED_ORDER
 from softclose.population import Population, PopulationError
 from softclose.switch.losses import Losses
 from softclose.switch.reduced_order import ReducedOrder
-
-FloatArray = NDArray[np.float64]
 
 _N_MEAN = 4096
 """Switches whose mean stands for the mean switch where no formula does."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.drives import Drives
 from softclose.evaluate.chain import Chain
 from softclose.evaluate.quantities import Closing, Quantity, Value, held_voltages, quantity
@@ -30,7 +30,6 @@ from softclose.waveform import Drive
 if TYPE_CHECKING:
     from softclose.device.simulate import Responses
 
-FloatArray = NDArray[np.float64]
 
 OF_THE_FRONT = ("v_u", "p_nc", "closing", "peak")
 """What a front may weigh of any campaign, from its records and waveforms alone."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.drives import Drives
 from softclose.evaluate.chain import Chain, chain_of, drives_of
 from softclose.evaluate.scoring import score
@@ -28,7 +28,6 @@ from softclose.waveform import Drive, Waveform
 if TYPE_CHECKING:
     from softclose.device.simulate import Responses
 
-FloatArray = NDArray[np.float64]
 Per = Literal["switch", "lot", "drive"]
 Use = Literal["objective", "limit", "axis", "line"]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from softclose.conditions.protocol import Coordinate, FloatArray, Uniforms
+from softclose.arrays import FloatArray
+from softclose.conditions.protocol import Coordinate, Uniforms
 from softclose.conditions.streams import Ensemble, Stream
 from softclose.device.told import switches_of
 from softclose.evaluate.chain import chain_of

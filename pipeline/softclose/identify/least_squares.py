@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.device import Device
 from softclose.identify.model import PARAMETERS, Model, predicted
 from softclose.identify.readings import Dynamics, Reading
 from softclose.metrics.intervals import Interval
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population.measurements import MeasurementError
-
-FloatArray = NDArray[np.float64]
 
 UNTOLD = 0.5
 """Standard deviation of a logarithm from which a direction counts as not told: a factor of 1.6 either way."""

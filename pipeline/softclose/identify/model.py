@@ -7,16 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.device import Device
 from softclose.device.drives import Drives
-from softclose.identify.readings import Dynamics, Kind, Motion, Reading
+from softclose.identify.readings import Dynamics, Motion, Reading, ReadingKind
 from softclose.population.lot import Lot
 from softclose.population.measurements import MeasurementError
 from softclose.waveform import Pulse, Trace, Waveform
-
-FloatArray = NDArray[np.float64]
 
 PARAMETERS: dict[str, tuple[str, str]] = {
     "K": ("N/m", "stiffness"),
@@ -105,7 +103,7 @@ def predicted(switch: FloatArray, device: Device, readings: tuple[Reading, ...],
     the farther the step is below the static pull-in, so that a fit sees which way is better.
     """
     table = switch[None, :]
-    static: dict[Kind, float] = {}
+    static: dict[ReadingKind, float] = {}
     for reading in readings:
         if reading.volts or reading.kind in static:
             continue

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.device import Device
 from softclose.device.told import switches_of
 from softclose.evaluate.chain import device_of
@@ -28,8 +28,6 @@ from softclose.settings import CampaignConfig, load_config
 from softclose.settings.config import WRITTEN_OUT
 from softclose.switch.plate import resonance
 from softclose.tables import toml_text
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_ERROR = 0.3
 """What `model_error` takes at most: a model that misses by more is none."""

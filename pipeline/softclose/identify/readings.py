@@ -12,21 +12,20 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.population.measurements import Devices, MeasurementError, read_devices
 
-FloatArray = NDArray[np.float64]
-Kind = Literal["pull-in", "pull-out", "resonance", "quality factor", "closing", "second contact"]
+ReadingKind = Literal["pull-in", "pull-out", "resonance", "quality factor", "closing", "second contact"]
 
-STATIC: dict[str, Kind] = {
+STATIC: dict[str, ReadingKind] = {
     "pull_in_V": "pull-in",
     "pull_out_V": "pull-out",
     "resonance_kHz": "resonance",
     "quality_factor": "quality factor",
 }
 """Column -> what it is."""
-UNITS: dict[Kind, str] = {
+UNITS: dict[ReadingKind, str] = {
     "pull-in": "V",
     "pull-out": "V",
     "resonance": "kHz",
@@ -61,7 +60,7 @@ _WANTED = (
 class Reading:
     """One number that was measured."""
 
-    kind: Kind
+    kind: ReadingKind
     """What it is."""
     value: float
     """In the unit of its kind."""
@@ -199,7 +198,7 @@ def _readings(found: Devices) -> list[Reading]:
             for column, values in v.items()
             for name, value in zip(names, values, strict=True)
         ]
-    kinds: dict[str, Kind] = {"closing_time_us": "closing", "second_contact_us": "second contact"}
+    kinds: dict[str, ReadingKind] = {"closing_time_us": "closing", "second_contact_us": "second contact"}
     for first, second in zip(v["closing_time_us"], v.get("second_contact_us", v["closing_time_us"] + 1), strict=True):
         if not second > first:
             raise MeasurementError(f"a second contact at {second:g} µs is not after the first, at {first:g} µs")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.kernel import pieces as drive_pieces
 from softclose.kernel import rk, taylor, two_modes
 from softclose.kernel.bounces import MAX_RETURNS
@@ -20,8 +21,7 @@ from softclose.switch.reduced_order import ONE_MODE, ReducedOrder
 from softclose.waveform import AnyDrive, Delivered, Fitted
 from softclose.waveform.flat import flatten_pulses
 from softclose.waveform.lowpass import room
-
-FloatArray = NDArray[np.float64]
+from softclose.waveform.scales import Scales
 
 MAX_STEPS = 200_000
 """Work limit per switch [integration steps]: a thousand times what an ordinary trajectory needs."""
@@ -44,16 +44,6 @@ class KernelOutput:
     v: NDArray[Any]
     peaks: FloatArray | None = None
     """(n, n_modes) largest displacement by each mode until the first impact [µm]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scales:
-    """What the command of each switch is scaled by, (n,) float64 each: a u(t / b)."""
-
-    volts: FloatArray
-    """a."""
-    times: FloatArray
-    """b."""
 
 
 def devices(switches: FloatArray, plate_area_um2: float) -> FloatArray:
@@ -161,7 +151,7 @@ def _modal_inputs(
     c = modes.contact  # (4,) stiffness [mN/µm^exponent], exponent, loss, dashpot [mN µs/µm]; no stiffness: rigid
     contact = np.zeros(4)
     if c is not None:
-        contact[:] = 1e-3 * c.stiffness_N_per_m, c.exponent, c.loss_us_per_um, 1e-3 * c.dashpot_uN_s_per_m
+        contact[:] = 1e-3 * c.force_at_1_um_uN, c.exponent, c.loss_us_per_um, 1e-3 * c.dashpot_uN_s_per_m
     knots, slopes = modes.capacitance.slope() if modes.capacitance else (np.zeros(0), np.zeros((1, 0)))
     return table, contact, knots, slopes
 

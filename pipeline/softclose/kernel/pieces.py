@@ -13,14 +13,11 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray, IntArray
 from softclose.waveform import AnyDrive, Delivered, Fitted, Trace
 from softclose.waveform.flat import SNAP_US, flatten_pulses
 from softclose.waveform.lowpass import deliver_flat
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 COSINES, DECAYING, POLYNOMIAL = 3, 4, 1
 

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
+
 Interval = tuple[float, float]
 
 NO_INTERVAL: Interval = (math.nan, math.nan)

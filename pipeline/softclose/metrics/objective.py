@@ -13,6 +13,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.glance import as_table, as_text, ranged
 from softclose.metrics import intervals, replicates
 from softclose.metrics.intervals import Interval, Proportion
@@ -20,7 +21,6 @@ from softclose.metrics.joined import joint, reach
 from softclose.metrics.limit import Limit, limit_on
 from softclose.metrics.ranking import open_warning, rank_cm_s
 
-FloatArray = NDArray[np.float64]
 Form = Literal["penalty", "chance"]
 
 CM_S = 100.0

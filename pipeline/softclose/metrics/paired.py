@@ -10,13 +10,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics import intervals
 from softclose.metrics.intervals import Interval, Proportion
 from softclose.metrics.objective import CM_S, Assessment, Response, in_time, is_read, those_read
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,13 +15,11 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics import intervals
 from softclose.metrics.objective import CM_S, Assessment, Response, assess, in_time
 from softclose.metrics.paired import v_u_influence
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 BEYOND_CM_S = 1e7
 """Larger than any g that the settings allow [cm/s]; a double still tells p_nc of 1e8 switches apart above it."""

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics import intervals
 from softclose.metrics.intervals import Interval, Proportion
-
-FloatArray = NDArray[np.float64]
 
 REPLICATES = 16
 """R. With 8 the intervals are wider and hold no better; with 32 each scrambling has too few switches."""

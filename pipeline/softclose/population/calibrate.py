@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.population import copula
 from softclose.population.copula import Correlation
 from softclose.population.distributions import Bounded, PopulationError
@@ -22,13 +22,11 @@ from softclose.population.files import write_population
 from softclose.population.fit import Fit, fit, may_be
 from softclose.population.marginals import Marginal
 from softclose.population.measurements import MeasurementError, Measurements
-from softclose.population.plausible import Kind
+from softclose.population.plausible import FitKind
 from softclose.population.population import UNITS, VARIABLES, Population
 from softclose.switch.plate import PLATE_AREA_UM2, modulus, stiffness_from_pull_in
 
-FloatArray = NDArray[np.float64]
-
-KINDS: dict[str, Kind] = {
+KINDS: dict[str, FitKind] = {
     "D": "beta",
     "G": "beta",
     "E": "uniform",

@@ -10,11 +10,9 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.population.distributions import PopulationError
-
-FloatArray = NDArray[np.float64]
 
 Correlation = tuple[str, str, float]
 """Two variables and their rank correlation."""

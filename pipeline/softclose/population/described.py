@@ -154,7 +154,7 @@ class Targets:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
-class Change:
+class Transform:
     """`[transform.D]` and the like: what Eqs. 14 and 15 make of a variable."""
 
     shift_mean: Number = 0.0
@@ -184,7 +184,7 @@ class PopulationFile:
     """`E-T = 0.78` each."""
     law: LawTable | None = None
     targets: Targets | None = None
-    transform: dict[str, Change] = Field(default_factory=dict)
+    transform: dict[str, Transform] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _correlates(self) -> Self:

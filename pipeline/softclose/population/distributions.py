@@ -13,13 +13,11 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from softclose.allowed.tables import TABLE, Number, refuses_with
-
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 _N_NODES = 40  # Gauss quadrature; E[M] of the widest population agrees with 200 nodes to the last bit
 

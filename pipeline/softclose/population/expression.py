@@ -16,9 +16,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 MOST_CHARACTERS = 1000
 MOST_NODES = 300

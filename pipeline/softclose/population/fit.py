@@ -11,13 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics.intervals import Interval
 from softclose.population.distributions import Bounded
-from softclose.population.plausible import SHAPE_SUM, Kind, Plausible, plausible
-
-FloatArray = NDArray[np.float64]
+from softclose.population.plausible import SHAPE_SUM, FitKind, Plausible, plausible
 
 _REACH = 2.0  # an estimated bound lies at most this many data ranges outside the data
 
@@ -46,7 +44,7 @@ class Fit:
     """How often data drawn from the fit, and fitted again, lie at least as far away: small speaks against it."""
 
 
-def estimate(values: FloatArray, kind: Kind, bounds: tuple[float, float] | None = None) -> Bounded:
+def estimate(values: FloatArray, kind: FitKind, bounds: tuple[float, float] | None = None) -> Bounded:
     """The distribution alone, without intervals; see `fit`. values: (n,)."""
     if kind == "uniform":
         return Bounded(lower=bounds[0], upper=bounds[1]) if bounds else _uniform(values)
@@ -55,7 +53,7 @@ def estimate(values: FloatArray, kind: Kind, bounds: tuple[float, float] | None 
 
 def fit(
     values: FloatArray,
-    kind: Kind,
+    kind: FitKind,
     *,
     bounds: tuple[float, float] | None = None,
     n_bootstrap: int = 500,
@@ -90,7 +88,7 @@ def fit(
 def may_be(
     fitted: Bounded,
     n: int,
-    kind: Kind,
+    kind: FitKind,
     bounds: tuple[float, float] | None = None,
     *,
     n_lots: int,

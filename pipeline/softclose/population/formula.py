@@ -9,24 +9,22 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 from pydantic.dataclasses import dataclass
 
 from softclose.allowed.refusal import Said
 from softclose.allowed.tables import TABLE, Number, checked, refuses_with
+from softclose.arrays import FloatArray
 from softclose.population.distributions import PopulationError
 from softclose.population.expression import FUNCTIONS, Expression, ExpressionError, parsed
 from softclose.population.laws import Law
-
-FloatArray = NDArray[np.float64]
 
 _INPUTS = ("G", "E", "T")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TAKEN = frozenset({*_INPUTS, "D", "K", "M", "pi", *FUNCTIONS, *keyword.kwlist})
 
 
-Text = Annotated[str, Said('a formula in quotes, such as "1e3 * E * W * T**3 / (4 * L**3)"')]
+FormulaText = Annotated[str, Said('a formula in quotes, such as "1e3 * E * W * T**3 / (4 * L**3)"')]
 
 
 class LawTable(BaseModel):
@@ -35,9 +33,9 @@ class LawTable(BaseModel):
     model_config = ConfigDict(extra="allow", allow_inf_nan=False)
     __pydantic_extra__: dict[str, Number]
 
-    K: Text
+    K: FormulaText
     """Stiffness [N/m]."""
-    M: Text
+    M: FormulaText
     """Mass [µg]."""
 
 
@@ -50,9 +48,9 @@ class Formula:
     brackets, sqrt, exp, log, where and the like, and nothing else.
     """
 
-    K: Text
+    K: FormulaText
     """Stiffness [N/m]."""
-    M: Text
+    M: FormulaText
     """Mass [µg]."""
     constants: tuple[tuple[str, Number], ...] = ()
     """Names that the formulas use, such as a length [µm], and their values."""

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 DEVICE_COLUMNS = ("D", "G", "K", "M")
 """What a device model is given of each switch."""

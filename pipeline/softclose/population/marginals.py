@@ -18,7 +18,8 @@ from pydantic.dataclasses import dataclass
 
 from softclose.allowed.refusal import Said
 from softclose.allowed.tables import TABLE, Number, refuses_with
-from softclose.population.distributions import Bounded, FloatArray, PopulationError, check_repeatability, mean_scale
+from softclose.arrays import FloatArray
+from softclose.population.distributions import Bounded, PopulationError, check_repeatability, mean_scale
 
 Parent = Literal["normal", "lognormal"]
 

@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softclose.datafiles import Column, Columns, Heading, Table, TableError, Unfit, read_table
+from softclose.arrays import FloatArray
+from softclose.datafiles import Columns, Heading, NeededColumn, Table, TableError, Unfit, read_table
 from softclose.datafiles.units import FACTORS, kind_of, name_and_unit
 from softclose.naming import nearest
 from softclose.population.population import Population, switches_from_parameters
 from softclose.switch.plate import A1, pull_in_voltage
-
-FloatArray = NDArray[np.float64]
 
 COLUMNS = ("G_um", "D_um", "T_um", "pull_in_V")
 """Columns of a plate's measurements; others are ignored, but for an optional `device`."""
@@ -269,7 +267,7 @@ def _chosen(heading: Heading, wanted: Sequence[Sequence[str]], theirs: Mapping[s
     raise max(failures, key=lambda e: e.fitted)
 
 
-def _column(heading: Heading, name: str, names: Sequence[str], theirs: Mapping[str, str]) -> Column:
+def _column(heading: Heading, name: str, names: Sequence[str], theirs: Mapping[str, str]) -> NeededColumn:
     quantity, unit = name_and_unit(name)
     kind = kind_of(unit)
     asked = theirs.get(name)
@@ -298,8 +296,8 @@ def _column(heading: Heading, name: str, names: Sequence[str], theirs: Mapping[s
         )
     own = heading.units[found[0]]
     if own is None or kind_of(own) != kind or unit is None:
-        return Column(index=found[0])
-    return Column(index=found[0], factor=FACTORS[own][1] / FACTORS[unit][1])
+        return NeededColumn(index=found[0])
+    return NeededColumn(index=found[0], factor=FACTORS[own][1] / FACTORS[unit][1])
 
 
 def _same(a: str, b: str) -> bool:

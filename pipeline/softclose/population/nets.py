@@ -11,7 +11,8 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
+
 Bits = NDArray[np.uint32]
 
 N_BITS = 30

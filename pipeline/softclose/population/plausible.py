@@ -18,14 +18,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.population.distributions import Bounded
 
-FloatArray = NDArray[np.float64]
-Kind = Literal["beta", "uniform"]
+FitKind = Literal["beta", "uniform"]
 
-Estimator = Callable[[FloatArray, Kind, tuple[float, float] | None], Bounded]
+Estimator = Callable[[FloatArray, FitKind, tuple[float, float] | None], Bounded]
 
 SHAPE_SUM = 4.0
 """alpha + beta of a Beta whose bounds are unknown too: 50 devices cannot tell four free numbers apart."""
@@ -48,7 +47,7 @@ class Plausible:
 def plausible(
     fitted: Bounded,
     n: int,
-    kind: Kind,
+    kind: FitKind,
     estimate: Estimator,
     *,
     bounds: tuple[float, float] | None,
@@ -72,7 +71,7 @@ def plausible(
 
 @functools.lru_cache(maxsize=16)
 def _tried(
-    n: int, kind: Kind, estimate: Estimator, n_lots: int, seed: int, stream: int
+    n: int, kind: FitKind, estimate: Estimator, n_lots: int, seed: int, stream: int
 ) -> tuple[list[Bounded], list[FloatArray], list[Bounded]]:
     """Lots on [0, 1], draws of n from each and what fits these: the same for any data."""
     rng = _generator(seed, stream)
@@ -102,7 +101,7 @@ def _moved(lot: Bounded, fit: Bounded, onto: Bounded) -> Bounded:
 def _within(
     fitted: Bounded,
     n: int,
-    kind: Kind,
+    kind: FitKind,
     estimate: Estimator,
     bounds: tuple[float, float],
     n_lots: int,

@@ -12,10 +12,11 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic.dataclasses import dataclass
 
 from softclose.allowed.tables import TABLE, checked, refuses_with
+from softclose.arrays import FloatArray
 from softclose.glance import as_table, as_text
 from softclose.metrics.replicates import REPLICATES
 from softclose.population import copula
@@ -28,7 +29,6 @@ from softclose.population.marginals import Marginal
 from softclose.population.nets import MOST_POINTS, scrambled_sobol
 from softclose.switch.plate import A1, OtherAreaError, Switches, mass, plate_area_of, pull_in_voltage, stiffness
 
-FloatArray = NDArray[np.float64]
 Sampling = Literal["monte-carlo", "sobol", "replicated"]
 
 SAMPLINGS: tuple[str, ...] = ("monte-carlo", "sobol", "replicated")

@@ -11,13 +11,11 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from softclose.arrays import FloatArray
 from softclose.propose.protocol import Problem
 from softclose.propose.surrogate import Screened, Surrogate, fit, surrogate_inputs
-
-FloatArray = NDArray[np.float64]
 
 WIDTH_CM_S = 2.0
 """Width of the linear part of the scale: what differences between basins are about [cm/s]."""
@@ -30,7 +28,7 @@ LEAST_SPREAD = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class ArsinhScale:
     """z = arsinh((g - best) / width), and back."""
 
     best_cm_s: float
@@ -84,7 +82,7 @@ class Correction:
         settings = problem.config.optimiser
         near = known.nearest(incumbent, settings.n_fit)
         self._problem = problem
-        self.scale = Scale(best_cm_s=float(near.g_cm_s[0]))
+        self.scale = ArsinhScale(best_cm_s=float(near.g_cm_s[0]))
         z, prior = self.scale.z(near.g_cm_s), self.scale.z(near.prior_g_cm_s)
         self.rho, self.constant = trend(z, prior)
         rest = z - self.trend(near.prior_g_cm_s)

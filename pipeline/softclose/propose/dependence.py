@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 from threadpoolctl import threadpool_limits
 
+from softclose.arrays import FloatArray
 from softclose.propose.protocol import Observation, Problem, search_history
 from softclose.waveform.coordinates import FAR
-
-FloatArray = NDArray[np.float64]
 
 MIN_CANDIDATES = 5
 """Usable candidates below which a surrogate says nothing worth printing."""

@@ -12,13 +12,11 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics.ranking import BEYOND_CM_S
 from softclose.propose.protocol import Problem
 from softclose.waveform.spaces import Space
-
-FloatArray = NDArray[np.float64]
 
 WORST_CM_S = 10.0 * BEYOND_CM_S
 """What a failed candidate counts as: worse than any rank."""

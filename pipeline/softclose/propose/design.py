@@ -8,13 +8,11 @@ Nothing is excluded from the search, only from its start.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.propose.protocol import Problem
 from softclose.propose.sobol import sobol_points
 from softclose.propose.swing import free_swing
-
-FloatArray = NDArray[np.float64]
 
 BLOCK = 32
 """Points drawn together: of four times as many, for each pulse that can compensate, those that bring the lot to the

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 
 class Evidence:

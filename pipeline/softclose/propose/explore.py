@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent, continued
 from softclose.propose.design import design_point
@@ -19,8 +19,6 @@ from softclose.propose.ladder import Course, Ladder, build_ladder, courses, owne
 from softclose.propose.origins import BY_HAND, EXPLORE, FALLBACK, SCOUT
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
 
 
 def explore_ladder(problem: Problem) -> Ladder:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent, continued
 from softclose.propose.explore import stage_g
@@ -18,8 +18,6 @@ from softclose.propose.extensions import extensions
 from softclose.propose.origins import EXTENDED
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, even_waves
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
 
 
 class ExtendEngine:

@@ -11,9 +11,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent, continued
 from softclose.propose.explore import past, stage_g
@@ -25,8 +25,6 @@ from softclose.waveform import Waveform
 
 if TYPE_CHECKING:
     from softclose.settings.search import FinishSection
-
-FloatArray = NDArray[np.float64]
 
 
 class FinishEngine:

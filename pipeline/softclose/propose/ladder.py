@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

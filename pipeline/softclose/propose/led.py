@@ -12,8 +12,8 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics.ranking import levelled
 from softclose.propose.correction import Correction, Known, Looks
 from softclose.propose.descents import strategy
@@ -26,8 +26,6 @@ from softclose.propose.regions import REGION, Region, region_of, shares
 from softclose.propose.surrogate import surrogate_inputs
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
 
 PRIOR_G = "prior_g_cm_s"
 """What every proposal of a campaign with a prior says: the prior's g [cm/s]."""

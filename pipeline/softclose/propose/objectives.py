@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.evaluate.quantities import quantity
 from softclose.propose.protocol import Observation
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray
 
 HORIZON, VOLTS = "closing", "peak"
 

@@ -10,16 +10,14 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from softclose.arrays import FloatArray
 from softclose.propose.origins import FALLBACK, PAPER_GRID, PAPER_SIMPLEX, PAPER_WIDEN, SOBOL
 from softclose.propose.protocol import EngineError, Observation, Problem, Proposal, search_history
 from softclose.propose.replay import Answers, next_point
 from softclose.propose.sobol import initial_point
 from softclose.waveform import Pulse, Waveform
-
-FloatArray = NDArray[np.float64]
 
 TOUCHING = 0.05
 """Fraction of the switches that pulse 1 alone shall bring into contact."""

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics.ranking import is_beyond
 from softclose.propose.design import design_point
 from softclose.propose.objectives import front_values, worst_values
@@ -24,7 +24,6 @@ from softclose.waveform import Waveform
 if TYPE_CHECKING:
     from softclose.propose.surrogate import SurrogateData
 
-FloatArray = NDArray[np.float64]
 
 AUGMENTED = 0.05
 """Part of the sum in the norm: without it a point that is only not worse would do."""

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softclose.conditions.streams import Ensemble
 from softclose.device.protocol import is_own_word
@@ -24,8 +23,6 @@ from softclose.propose.promises import PriorError, PriorValues
 from softclose.settings import CampaignConfig
 from softclose.settings.prior import NO_PRIOR
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
 
 NOT_OF_G = ("limits_cm_s", "sampling", "max_open", "warn_open")
 """Settings of an assessment that its g does not depend on."""

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent
 from softclose.propose.plan import plan
@@ -20,8 +20,6 @@ from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
 
 
 def find_basins(config: CampaignConfig, ask: Ask) -> Basins:

@@ -6,12 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softclose.arrays import FloatArray
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
 
 
 class PriorError(Exception):

@@ -25,7 +25,7 @@ from softclose.plugins import EngineError as EngineError
 from softclose.propose.promises import Basins, PriorHelp, PriorValues
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
-from softclose.waveform.spaces import Scales, Space, build_space
+from softclose.waveform.spaces import NaturalScales, Space, build_space
 
 if TYPE_CHECKING:
     from softclose.population import Population
@@ -135,7 +135,7 @@ class Problem:
     def space(self) -> Space:
         """The search space, scaled by the population's mean switch."""
         config = self.config
-        scales = Scales.from_switch(
+        scales = NaturalScales.from_switch(
             mean_switch(self.population, chain_of(self.config).device),
             plate_area_um2=config.model.plate_area_um2,
             max_volts=config.waveform.max_volts,

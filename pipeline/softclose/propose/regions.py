@@ -12,13 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.propose.origins import LOCAL
 from softclose.propose.protocol import Problem
 from softclose.propose.trust_region import TrustRegionRules, replay
-
-FloatArray = NDArray[np.float64]
 
 REGION = "region"
 """Name under which a proposal says which region it is of."""

@@ -11,14 +11,12 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.propose.descents import WORST_CM_S
 from softclose.propose.protocol import Observation
 from softclose.waveform import Waveform
 from softclose.waveform.spaces import Space
-
-FloatArray = NDArray[np.float64]
 
 
 class _Wanted(Exception):

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.evaluate import draw, judge, respond
 from softclose.evaluate.asked import told
 from softclose.population.lot import Lot
@@ -17,8 +17,6 @@ from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Engine, Observation, Problem, Proposal, Wave, WaveEngine
 from softclose.settings import CampaignConfig
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.propose.design import design_point
 from softclose.propose.deviation import FACTOR, PREDICTED, PREDICTED_SD, too_sure
 from softclose.propose.inputs import SWING
@@ -29,7 +29,6 @@ from softclose.waveform import Waveform
 if TYPE_CHECKING:
     from softclose.propose.surrogate import SurrogateData
 
-FloatArray = NDArray[np.float64]
 Beliefs = dict[str, float]
 
 DESCENT = 50

@@ -20,12 +20,11 @@ from skopt.acquisition import gaussian_ei
 from skopt.learning import GaussianProcessRegressor
 from skopt.learning.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
+from softclose.arrays import FloatArray
 from softclose.metrics.ranking import levelled
 from softclose.propose.evidence import Evidence
 from softclose.propose.protocol import Observation, Problem
 from softclose.propose.swing import FARTHEST, free_swing
-
-FloatArray = NDArray[np.float64]
 
 JITTER = 1e-8
 """Added to the diagonal of the covariance."""

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.compiled import cached_njit
 from softclose.conditions.trim import Trim
 from softclose.device.device import Device
@@ -21,8 +21,6 @@ from softclose.device.told import mean_switch, sobol_switches
 from softclose.kernel.dispatch import devices
 from softclose.population import Population
 from softclose.switch.plate import closing_voltage, holding_voltage
-
-FloatArray = NDArray[np.float64]
 
 FARTHEST = 1.3
 """Reach beyond which nothing is told apart: the pulses alone slam the switch."""

@@ -9,12 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.switch.reduced_order import ReducedOrder
 from softclose.switch.statics import compliances, pull
-
-FloatArray = NDArray[np.float64]
 
 _LOOKS = 400
 """Positions of the electrode between contact and counter-electrode that are looked at."""
@@ -57,7 +55,7 @@ def _reaction(
     low, high = np.zeros_like(x), np.broadcast_to(10.0 * np.maximum(x, travel), x.shape).copy()
     for _ in range(60):  # R = k d^n grows with the depth d, and what is left of the contact's way shrinks
         depth = 0.5 * (low + high)
-        reaction = 1e-3 * c.stiffness_N_per_m * depth**c.exponent
+        reaction = 1e-3 * c.force_at_1_um_uN * depth**c.exponent
         beyond = ce * (x + ce * reaction) / ee - cc * reaction > travel + depth
         low, high = np.where(beyond, depth, low), np.where(beyond, high, depth)
-    return np.asarray((x + ce * (1e-3 * c.stiffness_N_per_m * low**c.exponent)) / ee)
+    return np.asarray((x + ce * (1e-3 * c.force_at_1_um_uN * low**c.exponent)) / ee)

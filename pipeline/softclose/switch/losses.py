@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-
+from softclose.arrays import FloatArray
 
 LEAST_Q = 1e-3
 """Smallest Q: below it a switch creeps as the film or the dashpot lets it, and its mass means nothing."""

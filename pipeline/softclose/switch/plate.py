@@ -6,9 +6,9 @@ Units: D, G, T and x in µm, E in GPa, K in N/m, M in µg, plate area in µm², 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 EPSILON_0 = 8.8541878128e-12
 """Permittivity of the gap [F/m]."""

@@ -17,16 +17,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 from pydantic.dataclasses import dataclass
 
 from softclose.allowed.refusal import Said
 from softclose.allowed.tables import TABLE, Number, checked, refuses_with
+from softclose.arrays import FloatArray
 from softclose.switch.losses import LEAST_Q
 from softclose.tables import at_home, read_tables
-
-FloatArray = NDArray[np.float64]
 
 MAX_MODES = 32
 """Modes at most: the fastest decides the step."""
@@ -169,11 +167,11 @@ class Dielectric:
 @refuses_with(ReducedOrderError)
 @dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)
 class CompliantContact:
-    """Hunt and Crossley's contact, and a dashpot: stiffness d^exponent (1 + loss d') + dashpot d' at the depth d, never
+    """Hunt and Crossley's contact, and a dashpot: force d^exponent (1 + loss d') + dashpot d' at the depth d, never
     pulling. An exponent of 1 with a dashpot alone is the linear contact."""
 
-    stiffness_N_per_m: Annotated[Number, Field(ge=1, le=1e12)]
-    """Stiffness [N/m] (with an exponent other than 1 [N/µm^exponent x 1e-6])."""
+    force_at_1_um_uN: Annotated[Number, Field(ge=1, le=1e12)]
+    """Force of a contact that is pressed in by 1 µm, slowly [µN]; of a linear spring its stiffness in N/m."""
     exponent: Annotated[Number, Field(ge=1, le=3)] = 1.5
     """1: a spring; 1.5: Hertz."""
     loss_us_per_um: Annotated[Number, Field(ge=0, le=1e3)] = 0.0

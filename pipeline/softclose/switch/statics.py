@@ -11,12 +11,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from softclose.arrays import FloatArray
 from softclose.switch.plate import EPSILON_0
 from softclose.switch.reduced_order import ReducedOrder
-
-FloatArray = NDArray[np.float64]
 
 _LOOKS = 257
 """Positions that are looked at in each pass of a search for a maximum."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import evaluate, realise, uniforms
 from softclose.evaluate.pieces import Mapper, Sent, here
@@ -22,7 +23,7 @@ from softclose.population.calibrate import plausible_populations
 from softclose.population.population import Population
 from softclose.settings import CampaignConfig
 from softclose.switch.plate import pull_in_voltage, resonance
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 
 FEWEST_LOTS = 20
 FAR_OFF = 4.0

@@ -24,9 +24,9 @@ from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 
-Kind = Literal["stiffness", "charge"]
+DriftKind = Literal["stiffness", "charge"]
 
-KINDS: tuple[Kind, ...] = ("stiffness", "charge")
+KINDS: tuple[DriftKind, ...] = ("stiffness", "charge")
 
 _STEPS = 24
 """Halvings of the way to where v_u has doubled."""
@@ -56,7 +56,7 @@ class Drifted:
 class Drift:
     """A waveform over a range of drifts."""
 
-    kind: Kind
+    kind: DriftKind
     rows: tuple[Drifted, ...]
     """One a drift, ascending."""
     doubled: tuple[float, float]
@@ -64,7 +64,7 @@ class Drift:
     within the range."""
 
 
-def drifted(config: CampaignConfig, lot: Lot, kind: Kind, drift: float) -> tuple[CampaignConfig, Lot]:
+def drifted(config: CampaignConfig, lot: Lot, kind: DriftKind, drift: float) -> tuple[CampaignConfig, Lot]:
     """Lot and campaign after a drift: what was measured on a switch was measured before.
 
     U_pi grows with sqrt(K): a relative drift d of it is K (1 + d)². Charge acts as a voltage between the plates: a
@@ -89,7 +89,7 @@ def drift(
     config: CampaignConfig,
     switches: Lot | ArrayLike,
     waveform: Waveform,
-    kind: Kind,
+    kind: DriftKind,
     values: Sequence[float],
     *,
     mapper: Mapper = here,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.conditions.streams import Draw, key
 from softclose.device.status import not_integrated
 from softclose.evaluate import coordinates, realise, respond
@@ -21,8 +22,6 @@ from softclose.metrics.objective import CM_S, MAX_FAILED, in_time
 from softclose.population import Population
 from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
 
 OUTPUTS = ("v_cm_s", "closed")
 

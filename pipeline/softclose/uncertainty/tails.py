@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from scipy.special import ndtr
 
+from softclose.arrays import FloatArray
 from softclose.conditions.streams import Ensemble
 from softclose.device.status import not_integrated
 from softclose.evaluate import coordinates, draw, realise, respond
@@ -25,15 +26,15 @@ from softclose.metrics.intervals import Interval, clopper_pearson, normal_quanti
 from softclose.metrics.objective import CM_S, in_time
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 
 if TYPE_CHECKING:
     import openturns as ot
 
-Event = Literal["fast", "open"]
+RareEvent = Literal["fast", "open"]
 Method = Literal["brute", "form", "sorm", "importance", "subset"]
 
-EVENTS: tuple[Event, ...] = ("fast", "open")
+EVENTS: tuple[RareEvent, ...] = ("fast", "open")
 METHODS: tuple[Method, ...] = ("brute", "form", "sorm", "importance", "subset")
 
 LEAST = 1e-12
@@ -71,7 +72,7 @@ class Tail:
 def tail(
     config: CampaignConfig,
     waveform: Waveform,
-    event: Event,
+    event: RareEvent,
     *,
     limit_cm_s: float = 19.7,
     methods: Sequence[Method] = METHODS,
@@ -168,7 +169,7 @@ class _Asked:
 
     sent: Sent
     waveform: Waveform
-    event: Event
+    event: RareEvent
     threshold: float
 
 
@@ -214,7 +215,7 @@ class _Space:
     """Standard normal coordinates of a lot, and how far a switch is from failing."""
 
     def __init__(
-        self, config: CampaignConfig, waveform: Waveform, event: Event, limit_cm_s: float, mapper: Mapper
+        self, config: CampaignConfig, waveform: Waveform, event: RareEvent, limit_cm_s: float, mapper: Mapper
     ) -> None:
         self.config, self.event, self.mapper = config, event, mapper
         self.threshold = limit_cm_s if event == "fast" else 0.0

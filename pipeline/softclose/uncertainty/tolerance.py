@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from softclose.conditions.streams import Draw, key
 from softclose.evaluate import judge
@@ -20,9 +20,6 @@ from softclose.metrics.objective import Assessment
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Waveform
-
-FloatArray = NDArray[np.float64]
-
 
 LARGEST = 10.0
 """Largest relative error of gain, and largest jitter [µs]: beyond it nothing is a tolerance any more."""
@@ -46,14 +43,14 @@ class DriveError:
     """Standard deviation of the relative gain from generator to generator."""
     jitter_us: float = 0.0
     """Standard deviation of the start of every pulse after the first [µs]: its timing relative to pulse 1."""
-    slew_V_per_us: float = math.inf
+    slew_volts_per_us: float = math.inf
     """Steepest slope that the generator reaches [V/µs]."""
 
     def __post_init__(self) -> None:
-        for name, low in (("gain", -1.0), ("gain_sd", 0.0), ("jitter_us", 0.0), ("slew_V_per_us", 0.0)):
+        for name, low in (("gain", -1.0), ("gain_sd", 0.0), ("jitter_us", 0.0), ("slew_volts_per_us", 0.0)):
             value = getattr(self, name)
             high = math.inf if "slew" in name else LARGEST
-            if math.isnan(value) or not low <= value <= high or (name == "slew_V_per_us" and value == 0.0):
+            if math.isnan(value) or not low <= value <= high or (name == "slew_volts_per_us" and value == 0.0):
                 allowed = f"above {low:g}" if "slew" in name else f"from {low:g} to {high:g}"
                 raise ToleranceError(f"{name} is {value:g}; it must be {allowed}")
 
@@ -76,7 +73,7 @@ DEFAULT_ERRORS: tuple[DriveError, ...] = (
     *(DriveError(gain=x) for x in (-0.05, -0.02, -0.01, 0.01, 0.02, 0.05)),
     *(DriveError(gain_sd=x) for x in (0.005, 0.01, 0.02)),
     *(DriveError(jitter_us=x) for x in (0.1, 0.3, 1.0)),
-    *(DriveError(slew_V_per_us=x) for x in (50.0, 30.0, 20.0)),
+    *(DriveError(slew_volts_per_us=x) for x in (50.0, 30.0, 20.0)),
 )
 """Scenarios of `drive_tolerance` where none are given: each error by itself."""
 
@@ -167,9 +164,9 @@ def driven(lot: Lot, gain: float) -> Lot:
 
 def _slewed(config: CampaignConfig, error: DriveError) -> CampaignConfig:
     """The campaign whose amplifier is no faster than the error says."""
-    if math.isinf(error.slew_V_per_us):
+    if math.isinf(error.slew_volts_per_us):
         return config
-    slew = min(config.amplifier.slew_volts_per_us or math.inf, error.slew_V_per_us, FASTEST)
+    slew = min(config.amplifier.slew_volts_per_us or math.inf, error.slew_volts_per_us, FASTEST)
     return replace(config, amplifier=replace(config.amplifier, slew_volts_per_us=slew))
 
 

@@ -5,7 +5,6 @@ from softclose.waveform.fitted import Fitted as Fitted
 from softclose.waveform.pulses import LEAST_RISE_US as LEAST_RISE_US
 from softclose.waveform.pulses import MAX_VOLTS as MAX_VOLTS
 from softclose.waveform.pulses import MIN_RISE_US as MIN_RISE_US
-from softclose.waveform.pulses import FloatArray as FloatArray
 from softclose.waveform.pulses import Pulse as Pulse
 from softclose.waveform.pulses import Waveform as Waveform
 from softclose.waveform.pulses import WaveformError as WaveformError

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from softclose.arrays import FloatArray
 
 FAR = 0.02
 """Width of a tail, in units of the axis."""
@@ -39,7 +39,7 @@ def label_of(name: str, *, unit: bool = True) -> str | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Coordinate:
+class Axis:
     """One axis of the unit cube."""
 
     name: str

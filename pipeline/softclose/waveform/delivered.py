@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from softclose.waveform.flat import IntArray, flatten_pulses
+from softclose.arrays import FloatArray, IntArray
+from softclose.waveform.flat import flatten_pulses
 from softclose.waveform.lowpass import deliver_flat, poles, room
-from softclose.waveform.pulses import MAX_VOLTS, FloatArray, Waveform, WaveformError, is_above
+from softclose.waveform.pulses import MAX_VOLTS, Waveform, WaveformError, is_above
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

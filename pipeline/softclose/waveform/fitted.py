@@ -10,8 +10,8 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import ArrayLike
 
-from softclose.waveform.flat import IntArray
-from softclose.waveform.pulses import MAX_VOLTS, FloatArray, WaveformError, is_above
+from softclose.arrays import FloatArray, IntArray
+from softclose.waveform.pulses import MAX_VOLTS, WaveformError, is_above
 from softclose.waveform.trace import Trace
 
 DEGREE = 7

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softclose.waveform.pulses import FloatArray, Waveform
-
-IntArray = NDArray[np.int64]
+from softclose.arrays import FloatArray, IntArray
+from softclose.waveform.pulses import Waveform
 
 SNAP_US = 1e-9
 """Knots closer than this are one: rounding in start + rise + peak must not make a piece of 1e-14 µs."""

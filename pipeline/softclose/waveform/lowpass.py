@@ -13,8 +13,7 @@ import math
 
 import numpy as np
 
-from softclose.waveform.flat import IntArray
-from softclose.waveform.pulses import FloatArray
+from softclose.arrays import FloatArray, IntArray
 
 CUT_VOLTS = 1e-5
 """Exponentials smaller than this are left out [V]: a ten-millionth of a drive, V moves by 1e-6 cm/s or less."""

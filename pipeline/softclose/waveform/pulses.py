@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from softclose.arrays import FloatArray
 from softclose.glance import as_table
-
-FloatArray = NDArray[np.float64]
 
 MIN_RISE_US = 4.0
 """Fastest rise of a search unless a campaign says otherwise [µs]: faster edges excite higher modes of the paper's plate

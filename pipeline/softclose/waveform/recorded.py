@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softclose.datafiles import Column, Columns, Heading, Table, TableError, Unfit, read_table
+from softclose.arrays import FloatArray
+from softclose.datafiles import Columns, Heading, NeededColumn, Table, TableError, Unfit, read_table
 from softclose.datafiles.units import FACTORS, TIME, VOLTAGE, has_other_unit, kind_of, name_and_unit
-from softclose.waveform.pulses import FloatArray, WaveformError
+from softclose.waveform.pulses import WaveformError
 from softclose.waveform.trace import Trace
 
 TIME_UNITS = ("s", "ms", "us", "ns")
@@ -207,12 +208,12 @@ def _chosen(heading: Heading, asked: _Asked) -> Columns:
     spice = heading.names[time].strip() == "time" and bool(_SPICE.fullmatch(heading.names[volts]))
     time_unit = time_unit or _unit(heading, time, TIME, "horizontal", asked.time_unit, "s" if spice else None)
     if not counted:
-        of_time = Column(index=time, factor=FACTORS[time_unit][1])
+        of_time = NeededColumn(index=time, factor=FACTORS[time_unit][1])
     else:
         start, step = (heading.constants[key] * FACTORS[time_unit][1] for key in ("start", "increment"))
-        of_time = Column(index=time, factor=step, offset=start)
+        of_time = NeededColumn(index=time, factor=step, offset=start)
     volt_unit = volt_unit or _unit(heading, volts, VOLTAGE, "vertical", asked.volt_unit, "V" if spice else None)
-    of_volts = Column(index=volts, factor=FACTORS[volt_unit][1])
+    of_volts = NeededColumn(index=volts, factor=FACTORS[volt_unit][1])
     note = f"instants [{time_unit}] from {heading.name(time)}, voltages [{volt_unit}] from {heading.name(volts)}"
     return Columns(numbers={"time": of_time, "volts": of_volts}, notes=(note,))
 
@@ -232,8 +233,8 @@ def _unheaded(heading: Heading, asked: _Asked) -> Columns:
     volt_unit = _unit(heading, volts, VOLTAGE, "vertical", asked.volt_unit, None)
     return Columns(
         numbers={
-            "time": Column(index=time, factor=FACTORS[time_unit][1]),
-            "volts": Column(index=volts, factor=FACTORS[volt_unit][1]),
+            "time": NeededColumn(index=time, factor=FACTORS[time_unit][1]),
+            "volts": NeededColumn(index=volts, factor=FACTORS[volt_unit][1]),
         },
         notes=(f"no heading: instants [{time_unit}] from column {time + 1}, voltages [{volt_unit}] from {volts + 1}",),
     )

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from softclose.arrays import FloatArray
 from softclose.naming import unknown_name
 from softclose.switch.plate import EPSILON_0, holding_voltage, pull_in_voltage
-from softclose.waveform.coordinates import FAR, Coordinate
+from softclose.waveform.coordinates import FAR, Axis
 from softclose.waveform.pulses import MAX_VOLTS, MIN_RISE_US, Pulse, Waveform
-
-FloatArray = NDArray[np.float64]
 
 _RAMPS = 0.75
 """∫s² over the rise and the fall together, in rise times: raised cosines give 2·3/8."""
@@ -34,7 +33,7 @@ class SpaceError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scales:
+class NaturalScales:
     """The natural units of a design, and the limits of its drive."""
 
     period_us: float
@@ -61,8 +60,8 @@ class Scales:
         max_volts: float = MAX_VOLTS,
         min_rise_us: float = MIN_RISE_US,
         horizon_us: float = 250.0,
-    ) -> Scales:
-        """Scales of one switch: (4,) D, G [µm], K [N/m], M [µg], the population's mean as a rule."""
+    ) -> NaturalScales:
+        """NaturalScales of one switch: (4,) D, G [µm], K [N/m], M [µg], the population's mean as a rule."""
         mean = np.asarray(switch, dtype=np.float64)
         travel, gap, stiffness, mass = (float(v) for v in mean)
         c = EPSILON_0 * 1e6 * plate_area_um2 / (2000.0 * mass)
@@ -94,8 +93,8 @@ class Space:
     n_pulses: int
     holds: bool
     """True where the last pulse holds."""
-    scales: Scales
-    coordinates: tuple[Coordinate, ...]
+    scales: NaturalScales
+    coordinates: tuple[Axis, ...]
     fixed: tuple[tuple[str, float], ...] = ()
     """Physical values of the parameters that are not free."""
 
@@ -256,7 +255,7 @@ def _to_centre(rise: FloatArray, peak: FloatArray, *, last: bool) -> FloatArray:
     return 0.5 * rise if last else rise + 0.5 * peak
 
 
-def build_space(name: str, scales: Scales) -> Space:
+def build_space(name: str, scales: NaturalScales) -> Space:
     """One of `SPACES` in the units of one design. Raises SpaceError naming the nearest known one."""
     if name not in SPACES:
         raise SpaceError(unknown_name("search space", name, SPACES, "waveform.space"))
@@ -264,19 +263,19 @@ def build_space(name: str, scales: Scales) -> Space:
     s = scales
     weakest = 0.5 * min(s.pull_in_volts, s.max_volts)  # a quarter of the force at pull-in
     idle = min(0.7 * s.hold_volts, 0.5 * s.max_volts)  # half of the force that holds the mean switch
-    axes: list[Coordinate] = []
+    axes: list[Axis] = []
     for j in range(1, n_pulses + 1):
         last = j == n_pulses
         if j > 1:
             farthest = 2.5 * s.horizon_us / s.period_us  # starts, rises and flat tops of a horizon each
-            axes.append(Coordinate(name=f"delay{j}", least=-farthest, low=0.0, high=1.5, most=farthest))
+            axes.append(Axis(name=f"delay{j}", least=-farthest, low=0.0, high=1.5, most=farthest))
         if not last:
             longest = max(1.75 * s.horizon_us * s.max_volts**2 / s.impulse, 1.25)
-            axes.append(Coordinate(name=f"impulse{j}", least=0.0, low=0.05, high=1.25, most=longest))
+            axes.append(Axis(name=f"impulse{j}", least=0.0, low=0.05, high=1.25, most=longest))
         # Short and strong pulses disperse the ensemble least (paper §3.2); a hold needs little more than what holds.
         slow = max(s.period_us if last else 0.5 * s.period_us, 2.0 * s.min_rise_us)
         axes.append(
-            Coordinate(
+            Axis(
                 name=f"rise{j}",
                 least=s.min_rise_us,
                 low=s.min_rise_us,
@@ -287,7 +286,7 @@ def build_space(name: str, scales: Scales) -> Space:
             )
         )
         axes.append(
-            Coordinate(
+            Axis(
                 name=f"volts{j}",
                 least=_NO_VOLTS * s.max_volts,
                 low=idle if last else weakest,
@@ -299,9 +298,7 @@ def build_space(name: str, scales: Scales) -> Space:
         if last and not holds:
             long = max(s.horizon_us, 4.0 * s.period_us)
             axes.append(
-                Coordinate(
-                    name=f"peak{j}", least=0.0, low=0.25 * s.min_rise_us, high=2.0 * long, most=2.0 * long, log=True
-                )
+                Axis(name=f"peak{j}", least=0.0, low=0.25 * s.min_rise_us, high=2.0 * long, most=2.0 * long, log=True)
             )
     fixed: tuple[tuple[str, float], ...] = ()
     if name == "two-pulse-paper":

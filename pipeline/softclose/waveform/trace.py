@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from softclose.waveform.pulses import MAX_VOLTS, FloatArray, WaveformError, is_above
+from softclose.arrays import FloatArray
+from softclose.waveform.pulses import MAX_VOLTS, WaveformError, is_above
 
 
 @dataclass(frozen=True, slots=True, init=False, eq=False)

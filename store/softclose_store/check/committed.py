@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from softclose_store.disk.names import chunk_key
 from softclose_store.read.arrays import UNREADABLE, read_array
 from softclose_store.read.described import DescribedFiles
-from softclose_store.read.table import DIGESTS_TABLE, ORIGIN, RECORD, Table
+from softclose_store.read.table import DIGESTS_TABLE, ORIGIN, RECORD, RecordTable
 from softclose_store.schema.hierarchy import HYPERPARAMETER, MARKER, TABLES
 from softclose_store.schema.layout import Layout
 
@@ -44,7 +44,7 @@ def most_rows(layout: Layout, keys: Collection[str]) -> int:
 
 def remains(files: DescribedFiles, layout: Layout, keys: Collection[str]) -> Remains:
     """Count the candidates of a store without its root. files: as if none had to be there."""
-    table = Table(layout)
+    table = RecordTable(layout)
     table.load(files, most_rows(layout, keys), tolerate_damage=True)
     written = table.digests[:, RECORD] != 0
     n = int(written.argmin()) if not written.all() else len(written)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal[
+ProblemKind = Literal[
     "root", "schema", "static", "proposal", "record", "timings", "block", "pending", "group", "listing", "unknown"
 ]  # fmt: skip
 BlockOf = tuple[str, int, int]
@@ -16,7 +16,7 @@ BlockOf = tuple[str, int, int]
 class Damage:
     """One thing that is not what was written."""
 
-    kind: Kind
+    kind: ProblemKind
     """root: identity, layout or commit marker; schema: metadata of an array; static: population or coordinates;
     proposal, record, timings: values of a candidate; block: data of committed candidates; pending: of those that are
     not committed yet (resuming computes them again); group: a result group; listing: what the root lists of them;

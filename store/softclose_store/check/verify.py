@@ -10,7 +10,7 @@ import numpy as np
 from zarr.abc.store import Store
 
 from softclose_store.check.committed import most_rows, remains
-from softclose_store.check.report import BlockOf, Damage, Kind, Report
+from softclose_store.check.report import BlockOf, Damage, ProblemKind, Report
 from softclose_store.disk.files import LocalFiles, StorePath, list_keys, look_at, normalised, open_files
 from softclose_store.disk.lock import LOCK_KEY
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
@@ -22,7 +22,7 @@ from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import DescribedFiles, never
 from softclose_store.read.metadata import is_as_created
 from softclose_store.read.result_groups import group_problems
-from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
+from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, RecordTable
 from softclose_store.schema import digests
 from softclose_store.schema.fields import N_SURROGATE, unit_in
 from softclose_store.schema.hierarchy import (
@@ -58,7 +58,7 @@ class _Check:
 
     def add(
         self,
-        kind: Kind,
+        kind: ProblemKind,
         what: str,
         *,
         key: str = "",
@@ -285,7 +285,7 @@ def _check_hyperparameters(check: _Check, read: DescribedFiles, root: Root) -> N
 
 
 def _check_candidates(check: _Check, read: DescribedFiles, n: int, layout: Layout, n_names: int) -> None:
-    table = Table(layout)
+    table = RecordTable(layout)
     table.load(read, n, tolerate_damage=True)
     if table.n_hyperparameters() > n_names and not any(p.kind == "root" for p in check.problems):
         check.add("static", "the names of the surrogate's quantities are lost", key=chunk_key(HYPERPARAMETER, 0))
@@ -310,12 +310,12 @@ def _check_candidates(check: _Check, read: DescribedFiles, n: int, layout: Layou
 
 
 def _add_lost(check: _Check, table: str, what: str, key: str, i: int) -> None:
-    kinds: dict[str, tuple[Kind, ...]] = {"surrogate": ("proposal",), "wall_times": ("timings",)}
+    kinds: dict[str, tuple[ProblemKind, ...]] = {"surrogate": ("proposal",), "wall_times": ("timings",)}
     for kind in kinds.get(TABLES[table].name, ("proposal", "record")):
         check.add(kind, what, key=key, candidate=i)
 
 
-def _check_record(check: _Check, table: Table, i: int) -> None:
+def _check_record(check: _Check, table: RecordTable, i: int) -> None:
     if int(table.digests[i, PROPOSAL]) != table.proposal_digest(i):
         check.add("proposal", f"the proposal of candidate {i} is not what was written", candidate=i)
     if int(table.digests[i, RECORD]) != table.record_digest(i):
@@ -324,7 +324,7 @@ def _check_record(check: _Check, table: Table, i: int) -> None:
         check.add("timings", f"the timings of candidate {i} are not what was written", candidate=i)
 
 
-def _check_row_of_blocks(check: _Check, table: Table, reader: BlockReader, stage: StageLayout, i: int) -> None:
+def _check_row_of_blocks(check: _Check, table: RecordTable, reader: BlockReader, stage: StageLayout, i: int) -> None:
     """All blocks of some committed candidates against their markers, and these against the records."""
     first = table.layout.first(stage.name)
     candidates = range(first + stage.candidates(i).start, first + stage.candidates(i).stop)
@@ -370,7 +370,7 @@ def _check_row_of_blocks(check: _Check, table: Table, reader: BlockReader, stage
     check.problems[before:before] = told
 
 
-def _check_block(check: _Check, reader: BlockReader, block: BlockOf, proposals: int | None, kind: Kind) -> None:
+def _check_block(check: _Check, reader: BlockReader, block: BlockOf, proposals: int | None, kind: ProblemKind) -> None:
     check.n_blocks += 1
     stage, i, j = block
     for problem in reader.problems(stage, i, j, proposals):

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from softclose_store.read.by_hand import CHOSEN, Changed
-from softclose_store.read.table import ORIGIN, Table
+from softclose_store.read.table import ORIGIN, RecordTable
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def amended_tables(dataset: xr.Dataset, table: Table, n: int) -> xr.Dataset:
+def amended_tables(dataset: xr.Dataset, table: RecordTable, n: int) -> xr.Dataset:
     """The tables of candidates with the n rows of an amended table in place of those on the disk."""
     found = dataset.copy()
     for name in ("records", "words", "engine"):

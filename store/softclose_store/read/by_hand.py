@@ -24,7 +24,7 @@ from softclose_store.schema.root import Root
 CHOSEN = "by-hand"
 """Origin of a candidate whose waveform a person chose; it stands as its engine too."""
 
-Kind = Literal["correction", "withdrawal", "waveform"]
+ChangeKind = Literal["correction", "withdrawal", "waveform"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +33,7 @@ class Changed:
 
     number: int
     """Its place among the changes, from 0."""
-    kind: Kind
+    kind: ChangeKind
     """correction, withdrawal: of the readings of a candidate; waveform: applied in the place of a proposal."""
     candidate: int
     """Which candidate it is of."""

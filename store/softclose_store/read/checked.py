@@ -19,7 +19,7 @@ from softclose_store.errors import DamageError
 from softclose_store.read.arrays import UNREADABLE, open_arrays
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import DescribedFiles
-from softclose_store.read.table import MARKERS, Table
+from softclose_store.read.table import MARKERS, RecordTable
 from softclose_store.schema.digests import BlockDigest
 from softclose_store.schema.hierarchy import MARKER
 from softclose_store.schema.layout import Layout
@@ -27,20 +27,20 @@ from softclose_store.schema.layout import Layout
 KEPT_BYTES = 64_000_000
 """Decoded blocks that are kept."""
 
-Row = tuple[int, NDArray[np.uint64]]
+BlockRow = tuple[int, NDArray[np.uint64]]
 """Of a row of blocks: the digest of its proposals, and its markers, (n_blocks, n_markers)."""
 
 
 class CheckedBlocks:
     """The blocks of committed candidates; raises DamageError for one that is not what was written."""
 
-    def __init__(self, files: DescribedFiles, layout: Layout, table: Callable[[], Table]) -> None:
+    def __init__(self, files: DescribedFiles, layout: Layout, table: Callable[[], RecordTable]) -> None:
         """table: the records of all committed candidates, checked."""
         self._files = files
         self._layout = layout
         self._table = table
         self._reader = BlockReader(files, layout)
-        self._rows: dict[tuple[str, int], Row] = {}
+        self._rows: dict[tuple[str, int], BlockRow] = {}
         self._checked: set[tuple[str, str, int, int]] = set()
         self._kept: OrderedDict[tuple[str, str, int, int], NDArray[Any]] = OrderedDict()
 
@@ -84,7 +84,7 @@ class CheckedBlocks:
         sizes = self._layout.stage(stage)
         return sizes.inner != (sizes.block_candidates, sizes.block_switches)
 
-    def _row(self, stage: str, i: int) -> Row:
+    def _row(self, stage: str, i: int) -> BlockRow:
         """A row of blocks: its markers, which are those that its candidates' records were written for."""
         if (stage, i) not in self._rows:
             sizes, table = self._layout.stage(stage), self._table()

@@ -21,8 +21,8 @@ from softclose_store.read.described import DescribedFiles
 from softclose_store.read.labelled import CheckedFiles
 from softclose_store.read.metadata import is_as_created
 from softclose_store.read.rows import LazyRows
-from softclose_store.read.table import Table
-from softclose_store.schema.fields import PARAMETERS, QUANTITIES, limit_texts, unit_in
+from softclose_store.read.table import RecordTable
+from softclose_store.schema.fields import PARAMETERS, RESPONSE_QUANTITIES, limit_texts, unit_in
 from softclose_store.schema.group_metadata import OWN, decode
 from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, MARKER, TABLES
 from softclose_store.schema.layout import CANDIDATES, POPULATION, Layout
@@ -107,7 +107,7 @@ class Campaign:
         self._root: Root
         self._files: DescribedFiles
         self._blocks: CheckedBlocks
-        self._loaded: Table | None
+        self._loaded: RecordTable | None
         self._by_hand: tuple[Changed, ...] | None
         self._records: dict[str, NDArray[Any]]
         self._statics: dict[str, NDArray[Any]]
@@ -215,17 +215,17 @@ class Campaign:
         """The last change of the readings of each committed candidate that has one."""
         return {i: change for i, change in latest_readings(self.by_hand).items() if i < self.committed}
 
-    def _table(self) -> Table:
+    def _table(self) -> RecordTable:
         """All rows of committed candidates, compared with their digests."""
         if self._loaded is None:
-            table = Table(self.layout)
+            table = RecordTable(self.layout)
             table.load(self._files, self.committed)
             table.check(self._files, self.committed)
             self._check_age(table)
             self._loaded = table
         return self._loaded
 
-    def _check_age(self, table: Table) -> None:
+    def _check_age(self, table: RecordTable) -> None:
         """Raise DamageError where the root is of an earlier time than the tables, an old copy for instance."""
         known = table.waves_beyond(self._files, self.committed)
         if known <= self.n_waves + 1 and not (known and is_as_created(self._plain, self._root)):
@@ -374,7 +374,7 @@ class Campaign:
             status=counts["status"].astype(np.int8),
             impact_time_us=self._rows("impact", i, 0) if has_impacts else None,
             impact_speed=self._rows("impact", i, 1) if has_impacts else None,
-            asked=response[:, len(QUANTITIES) :].copy() if self.layout.asked else None,
+            asked=response[:, len(RESPONSE_QUANTITIES) :].copy() if self.layout.asked else None,
         )
 
     def population(self) -> dict[str, FloatArray]:

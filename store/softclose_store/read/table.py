@@ -41,7 +41,7 @@ N_WALL = len(WALL) - 1
 """Timings proper: the last column is their check."""
 
 
-class Table:
+class RecordTable:
     """All per-candidate values of a store: `n` rows of each table, what was never written full of fill values."""
 
     def __init__(self, layout: Layout, n: int = 0) -> None:
@@ -143,7 +143,7 @@ class Table:
             return 0
         rows = slice(n, self.rows(i_chunk).stop)
         arrays = open_arrays(files, TABLES)
-        beyond = Table(self.layout, rows.stop)
+        beyond = RecordTable(self.layout, rows.stop)
         try:
             beyond.digests[rows] = run_here(arrays[DIGESTS_TABLE].getitem((rows, slice(None))), files)
             written = [i for i in range(rows.start, rows.stop) if beyond.digests[i, RECORD]]
@@ -218,7 +218,7 @@ class Table:
         designs = [self.design(i) for i in indices] if self.layout.designs else None
         return proposals_digest([self.waveform(i) for i in indices], n_switches, indices[0], designs), n_switches
 
-    def amended(self, changes: Sequence[Changed]) -> Table:
+    def amended(self, changes: Sequence[Changed]) -> RecordTable:
         """The same rows with what was changed by hand in its place; what was not changed is shared."""
         if not changes:
             return self
@@ -289,7 +289,7 @@ def result_of(change: Changed, layout: Layout) -> dict[str, NDArray[Any]]:
     dict
         (1, …) each; what is no result stays undefined.
     """
-    table = Table(layout, 1)
+    table = RecordTable(layout, 1)
     assert change.record is not None
     table.records[0, layout.n_proposal_fields + 1 :] = change.record
     table.words[0, FAILURE] = change.failure

@@ -24,14 +24,14 @@ MOST_TABLE_CHUNK = 128
 MOST_DECODED = 2**28
 """Most bytes of a chunk of a result group, decoded. A chunk of one design holds half a million."""
 
-Text = Annotated[str, StringConstraints(max_length=10_000)]
+BoundedText = Annotated[str, StringConstraints(max_length=10_000)]
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Key = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$", max_length=400)]
 Name = Annotated[str, StringConstraints(max_length=200)]
-Column = Annotated[list[Name], Field(min_length=3, max_length=3)]
+ColumnEntry = Annotated[list[Name], Field(min_length=3, max_length=3)]
 """Name, unit and meaning of a column of the population, or of a candidate's design."""
 CaseValues = Annotated[list[float], Field(min_length=1, max_length=1_000)]
-Case = Annotated[tuple[Name, Name, Name, CaseValues], Strict(False)]
+CaseEntry = Annotated[tuple[Name, Name, Name, CaseValues], Strict(False)]
 """Name, unit, meaning and values, one a case, of what tells cases apart. JSON knows lists only."""
 Json = dict[str, Any]
 
@@ -69,10 +69,10 @@ class LayoutDocument(Document):
     max_impacts: Annotated[int, Field(ge=0, le=4_096)]
     n_pulses: Annotated[int, Field(ge=1, le=1_000)]
     limits_cm_s: Annotated[list[float], Field(max_length=1_000)]
-    columns: Annotated[list[Column], Field(min_length=1, max_length=MOST_COLUMNS)]
-    designs: Annotated[list[Column], Field(max_length=MOST_COLUMNS)]
-    asked: Annotated[list[Column], Field(max_length=MOST_COLUMNS)]
-    cases: Annotated[list[Case], Field(max_length=MOST_COLUMNS)]
+    columns: Annotated[list[ColumnEntry], Field(min_length=1, max_length=MOST_COLUMNS)]
+    designs: Annotated[list[ColumnEntry], Field(max_length=MOST_COLUMNS)]
+    asked: Annotated[list[ColumnEntry], Field(max_length=MOST_COLUMNS)]
+    cases: Annotated[list[CaseEntry], Field(max_length=MOST_COLUMNS)]
     n_modes: Annotated[int, Field(ge=1, le=1_000)]
     table_chunk: Annotated[int, Field(ge=1, le=MOST_TABLE_CHUNK)] | None = None
 
@@ -81,21 +81,21 @@ class ConstantDocument(Document):
     """A number that every switch shares."""
 
     value: float
-    units: Text
-    long_name: Text
+    units: BoundedText
+    long_name: BoundedText
 
 
 class RunDocument(OpenDocument):
     """Who ran a campaign, on what and with which versions: what readers look at has its type."""
 
-    versions: Annotated[dict[str, Text], Field(max_length=100)] | None = None
-    processor: Text | None = None
-    machine: Text | None = None
-    system: Text | None = None
-    host: Text | None = None
-    user: Text | None = None
+    versions: Annotated[dict[str, BoundedText], Field(max_length=100)] | None = None
+    processor: BoundedText | None = None
+    machine: BoundedText | None = None
+    system: BoundedText | None = None
+    host: BoundedText | None = None
+    user: BoundedText | None = None
     pid: int | None = None
-    started: Text | None = None
+    started: BoundedText | None = None
     workers: int | None = None
     spent: Annotated[dict[str, float], Field(max_length=100)] | None = None
     """Where the time of the run and of its workers went [s]; absent where it was killed."""
@@ -113,16 +113,16 @@ class AttributesDocument(Document):
     kind: Literal["softclose-campaign"]
     softclose_schema: Literal[SCHEMA_VERSION]  # type: ignore[valid-type]
     fingerprint: Digest
-    algorithm: Text
+    algorithm: BoundedText
     config: Json
-    constants: Annotated[dict[Text, ConstantDocument], Field(max_length=100)]
+    constants: Annotated[dict[BoundedText, ConstantDocument], Field(max_length=100)]
     layout: LayoutDocument
     durable: bool
     static_digests: Annotated[dict[Key, Digest], Field(max_length=10 * MOST_STAGES)]
     metadata_digest: Digest
     n_committed: Annotated[int, Field(ge=0)]
     n_waves: Annotated[int, Field(ge=0)]
-    hyperparameters: Annotated[list[Text], Field(max_length=N_SURROGATE)]
+    hyperparameters: Annotated[list[BoundedText], Field(max_length=N_SURROGATE)]
     root_digest: Digest
 
     @model_validator(mode="after")
@@ -155,7 +155,7 @@ class RootDocument(Document):
 class GroupAttributes(OpenDocument):
     """Attributes of a result group: its files and digests, and whatever its result says of itself."""
 
-    softclose_files: Annotated[dict[Text, Digest], Field(max_length=100_000)]
+    softclose_files: Annotated[dict[BoundedText, Digest], Field(max_length=100_000)]
     softclose_digest: Digest
     softclose_group: Key | None = None
 

@@ -178,7 +178,7 @@ RECORDED: tuple[Field, ...] = (*PROPOSALS, WAVE, *RESULTS, *WORDS, *WALL)
 DIGESTS = ("proposal", "markers", "record")
 """Digests of a candidate: xxh3 of its proposal, of its blocks' markers, of its result; 0: not written."""
 
-QUANTITIES: tuple[Field, ...] = (
+RESPONSE_QUANTITIES: tuple[Field, ...] = (
     Field(name="max_contact_speed", unit="µm/µs", long_name="largest contact speed V, Eq. 7; NaN: never touched"),
     Field(name="first_contact", unit="µs", long_name="instant of the first contact; inf: never"),
     Field(name="settling", unit="µs", long_name="instant from which it is held to the horizon; inf: never"),

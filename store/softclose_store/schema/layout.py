@@ -17,7 +17,7 @@ from softclose_store.schema.fields import (
     PARAMETERS,
     PLATE,
     PROPOSALS,
-    QUANTITIES,
+    RESPONSE_QUANTITIES,
     RESULTS,
     SCHEMA_VERSION,
     CaseColumn,
@@ -41,7 +41,7 @@ TABLE_CHUNK = 128
 """Most candidates in one chunk of a table: few files, and a commit rewrites only the last of each."""
 
 _STAGE_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
-_TAKEN = tuple(field.name for field in (*RESULTS, *QUANTITIES))
+_TAKEN = tuple(field.name for field in (*RESULTS, *RESPONSE_QUANTITIES))
 _COLUMN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 CANDIDATES, POPULATION, RUNTIME = "candidates", "population", "runtime"
 """Groups beside the stages: the tables, a row a candidate; the ensemble; who ran the campaign. xarray's trees want
@@ -306,7 +306,7 @@ class Layout:
     @property
     def quantities(self) -> tuple[Field, ...]:
         """Columns of `response`."""
-        return (*QUANTITIES, *(Field(name=q.name, unit=q.unit, long_name=q.long_name) for q in self.asked))
+        return (*RESPONSE_QUANTITIES, *(Field(name=q.name, unit=q.unit, long_name=q.long_name) for q in self.asked))
 
     @property
     def n_proposal_fields(self) -> int:

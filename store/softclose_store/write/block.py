@@ -20,7 +20,7 @@ from softclose_store.errors import LayoutError
 from softclose_store.read.arrays import described, layout_of, open_arrays
 from softclose_store.read.described import DescribedFiles, never
 from softclose_store.schema.digests import assessed_digest, block_digest
-from softclose_store.schema.fields import QUANTITIES
+from softclose_store.schema.fields import RESPONSE_QUANTITIES
 from softclose_store.schema.hierarchy import MARKER, stage_specs
 from softclose_store.schema.layout import Layout
 from softclose_store.schema.opening import read_root
@@ -83,7 +83,7 @@ def assessed_of(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int8], NDArray[np.float64], NDArray[np.float64]]:
     """What an assessment takes of responses (…, n_quantities): speed, closed, status, settling, what is asked."""
     status = np.where(np.isnan(response[..., 7]), -1, response[..., 7]).astype(np.int8)
-    asked = response[..., len(QUANTITIES) :].copy()
+    asked = response[..., len(RESPONSE_QUANTITIES) :].copy()
     return response[..., 0].copy(), response[..., 6] > 0, status, response[..., 2].copy(), asked
 
 

@@ -12,7 +12,7 @@ from zarr.abc.store import Store
 from softclose_store.disk.files import delete_key, list_keys, look_at, open_files, write_key
 from softclose_store.groups import GroupArray
 from softclose_store.listing import listed_anew
-from softclose_store.read.by_hand import Kind
+from softclose_store.read.by_hand import ChangeKind
 from softclose_store.read.result_groups import group_problems, metadata_of
 from softclose_store.schema.fields import PARAMETERS
 from softclose_store.schema.group_metadata import BY_HAND
@@ -24,7 +24,7 @@ from softclose_store.schema.root import Root
 class Change:
     """What is said of a change."""
 
-    kind: Kind
+    kind: ChangeKind
     """correction, withdrawal or waveform."""
     from_wave: int
     """First wave whose proposals see it."""

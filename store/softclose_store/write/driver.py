@@ -21,7 +21,7 @@ from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.by_hand import CHOSEN, Changed, name_of, read_by_hand
 from softclose_store.read.described import never
 from softclose_store.read.metadata import check_metadata
-from softclose_store.read.table import FAILURE, Table
+from softclose_store.read.table import FAILURE, RecordTable
 from softclose_store.schema.digests import canonical_json, proposals_digest
 from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, TABLES
 from softclose_store.schema.layout import Layout
@@ -90,7 +90,7 @@ class DriverStore:
             whole = open_files(path, read_only=False, durable=self.durable)
             self._files = described(whole, self._root, self.path, never)
             self._blocks = BlockReader(self._read, self.layout)
-            self._table = Table(self.layout)
+            self._table = RecordTable(self.layout)
             self._table.load(self._read, self.n_committed, tolerate_damage=tolerate_damage)
             self._hyperparameters: list[str] = list(self._root.attributes["hyperparameters"])
             self._arrays = open_arrays(self._files, (*TABLES, HYPERPARAMETER, HYPERPARAMETER_UNIT))
@@ -273,7 +273,7 @@ class DriverStore:
         LockedError
             Where the store is not this driver's any more; nothing is written then.
         """
-        table = Table(self.layout, 1)
+        table = RecordTable(self.layout, 1)
         check_names(row, ASSESSED | {field.name for field in self.layout.results})
         set_result(table, 0, row, 0, 0)
         record = table.records[0, self.layout.n_proposal_fields + 1 :]
@@ -398,7 +398,7 @@ class DriverStore:
         return tied
 
     def _forget(self, start: int, stop: int) -> None:
-        empty = Table(self.layout, stop - start)
+        empty = RecordTable(self.layout, stop - start)
         for spec in TABLES.values():
             getattr(self._table, spec.name)[start:stop] = getattr(empty, spec.name)[: stop - start]
 

@@ -19,7 +19,7 @@ from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import LayoutError, OtherAlgorithmError, OtherConfigurationError, StoreError
 from softclose_store.read.arrays import described, layout_of, population_of, read_static
 from softclose_store.read.metadata import check_metadata
-from softclose_store.read.table import Table
+from softclose_store.read.table import RecordTable
 from softclose_store.schema import digests
 from softclose_store.schema.hierarchy import TABLES, build_hierarchy, constants_of, growing_arrays
 from softclose_store.schema.layout import Layout
@@ -84,7 +84,7 @@ def extend_campaign(
         old = layout_of(read, root)
         _check(root, old, layout, plain, algorithm, where)
         check_metadata(read, root)
-        table = Table(old)
+        table = RecordTable(old)
         table.load(read, root.n_committed)
         table.check(read, root.n_committed)
         extended = _extended(files, root, replace(layout, table_chunk=old.table_chunk), plain, dict(note), where)

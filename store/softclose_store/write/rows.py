@@ -14,7 +14,7 @@ from softclose_store import faults
 from softclose_store.disk.loop import run_here
 from softclose_store.errors import RecordError
 from softclose_store.read.described import DescribedFiles
-from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, Table
+from softclose_store.read.table import MARKERS, N_WALL, PROPOSAL, RECORD, RecordTable
 from softclose_store.schema.fields import (
     N_SURROGATE,
     N_SWITCHES,
@@ -47,7 +47,7 @@ def check_names(row: Mapping[str, Any], allowed: Set[str]) -> None:
         raise RecordError(f"a row has no field {name!r}{hint}")
 
 
-def set_proposal(table: Table, i: int, row: Mapping[str, Any], hyperparameters: list[str]) -> int:
+def set_proposal(table: RecordTable, i: int, row: Mapping[str, Any], hyperparameters: list[str]) -> int:
     """Set the proposal of candidate i, in memory; returns its digest. New names join `hyperparameters`."""
     layout = table.layout
     check_waveform(layout, row)
@@ -104,7 +104,7 @@ def check_waveform(layout: Layout, row: Mapping[str, Any]) -> None:
     design_of(layout, row)
 
 
-def set_result(table: Table, i: int, row: Mapping[str, Any], wave: int, markers: int) -> int:
+def set_result(table: RecordTable, i: int, row: Mapping[str, Any], wave: int, markers: int) -> int:
     """Set the result of candidate i, in memory; returns its digest. markers: digest of its blocks' markers."""
     layout = table.layout
     at = layout.n_proposal_fields
@@ -125,7 +125,7 @@ def set_result(table: Table, i: int, row: Mapping[str, Any], wave: int, markers:
     return digest
 
 
-def set_timings(table: Table, i: int, row: Mapping[str, Any]) -> None:
+def set_timings(table: RecordTable, i: int, row: Mapping[str, Any]) -> None:
     """Set the timings of candidate i, in memory."""
     for k, field in enumerate(WALL[:N_WALL]):
         value = row.get(field.name)
@@ -133,7 +133,7 @@ def set_timings(table: Table, i: int, row: Mapping[str, Any]) -> None:
     table.wall_times[i, N_WALL] = table.wall_check(i)
 
 
-def _set_words(table: Table, i: int, row: Mapping[str, Any], part: str) -> None:
+def _set_words(table: RecordTable, i: int, row: Mapping[str, Any], part: str) -> None:
     for k, field in enumerate(WORDS):
         if field.part == part:
             text = row.get(field.name) or ""
@@ -167,7 +167,7 @@ def _numbers(field: Field, value: Any, n: int) -> NDArray[np.float64]:
 
 
 def write_rows(
-    table: Table, files: DescribedFiles, arrays: Mapping[str, zarr.AsyncArray[Any]], start: int, stop: int
+    table: RecordTable, files: DescribedFiles, arrays: Mapping[str, zarr.AsyncArray[Any]], start: int, stop: int
 ) -> None:
     """Write the chunks that hold candidates start … stop - 1 of every table.
 

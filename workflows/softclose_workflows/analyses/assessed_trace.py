@@ -20,7 +20,7 @@ from softclose_store import GroupArray, StoreMissingError, open_campaign, store_
 from softclose_workflows.analyses.certify import check_size, simulate_fresh
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run import needs
-from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.console import OnStep
 from softclose_workflows.tell.plain import finite
 
 FOLDER = "traces"
@@ -75,7 +75,7 @@ def assess_trace(
     n_switches: int = 100_000,
     seed: int | None = None,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
     max_volts: float | None = None,
     scaled: bool = False,
 ) -> AssessedTrace:

@@ -36,7 +36,7 @@ from softclose_workflows.analyses.drive_off import MOST, off_by_drive
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
 from softclose_workflows.run.opening import designed_opening
-from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.console import OnStep
 
 N_REFERENCES = 2
 """Reference designs at most."""
@@ -52,7 +52,7 @@ def certify(
     seed: int | None = None,
     top: int = 10,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> Certification:
     """Certify the `top` best distinct candidates of the campaign at path, and keep the result in its group.
 
@@ -149,7 +149,7 @@ def certified_on(
     have: dict[str, Judged],
     *,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> Certification:
     """The certification that a request stands for; have: responses of designs that are known already."""
     waveforms = {candidate_name(i): Waveform.from_rows(campaign.waveform(i)) for i in request.candidates}
@@ -213,7 +213,7 @@ def simulate_fresh(
     start: int = 0,
     for_everybody: Collection[int] = (),
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> list[Judged]:
     """Metrics of every waveform on the same new switches of the campaign's lot, `start` and on, a piece at a time.
 

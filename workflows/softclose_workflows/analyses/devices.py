@@ -12,7 +12,7 @@ from softclose.uncertainty.devices import DevicesError, Propagated, apart
 from softclose.uncertainty.devices import propagate as propagate_devices
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
-from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.console import OnStep
 from softclose_workflows.tell.labels import in_percent
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import ends, with_interval
@@ -33,7 +33,7 @@ def propagate(
     seed: int = 0,
     any_lot: bool = False,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> tuple[Chosen, Propagated, list[str]]:
     """A stored waveform on lots that a file's devices may have come from, and what is to be said of them.
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from softclose.waveform import FloatArray, Waveform
+from softclose.arrays import FloatArray
+from softclose.waveform import Waveform
 
 APART_V = 5.0
 """Waveforms that differ by less than this until their last change are one place of the search, told apart by nothing

@@ -10,12 +10,12 @@ from softclose.device.told import mean_switch
 from softclose.evaluate.chain import chain_of
 from softclose.evaluate.pieces import Mapper, here
 from softclose.settings import CampaignConfig
-from softclose.uncertainty.drift import Drift, DriftError, Kind
+from softclose.uncertainty.drift import Drift, DriftError, DriftKind
 from softclose.uncertainty.drift import drift as assess_drift
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
-from softclose_workflows.tell.console import Step, wide_console
+from softclose_workflows.tell.console import OnStep, wide_console
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import points, share_open, with_interval
 
@@ -25,7 +25,7 @@ MOST_OPEN = 0.5
 """Share of open switches beyond which v_u is of a minority, and its doubling no news."""
 
 
-def usual(config: CampaignConfig, kind: Kind) -> tuple[float, ...]:
+def usual(config: CampaignConfig, kind: DriftKind) -> tuple[float, ...]:
     """Drifts to look at: parts of the mean switch's pull-in voltage, in the device model; of charge in volts [V]."""
     if kind == "stiffness":
         return USUAL
@@ -38,13 +38,13 @@ def usual(config: CampaignConfig, kind: Kind) -> tuple[float, ...]:
 
 def drift(
     path: str,
-    kind: Kind,
+    kind: DriftKind,
     values: Sequence[float] = (),
     *,
     candidate: int | None = None,
     n_switches: int = 20_000,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> tuple[Chosen, Drift]:
     """A stored waveform over a range of drifts. Raises DriftError and CertifyError."""
     check_fresh(n_switches, 1)
@@ -56,7 +56,7 @@ def drift(
     )
 
 
-def shown(kind: Kind, value: float) -> str:
+def shown(kind: DriftKind, value: float) -> str:
     """`+2 %`, `-1.5 V`."""
     return f"{100.0 * value:+.3g} %" if kind == "stiffness" else f"{value:+.3g} V"
 

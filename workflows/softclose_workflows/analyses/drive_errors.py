@@ -12,7 +12,7 @@ from softclose.uncertainty.tolerance import DEFAULT_ERRORS, DriveError, DriveTol
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check, check_fresh, of_ensemble
-from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.console import OnStep
 
 
 def tolerance(
@@ -23,7 +23,7 @@ def tolerance(
     n_switches: int = 20_000,
     n_generators: int = 64,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> tuple[Chosen, list[DriveTolerance]]:
     """A waveform under each error by itself, by default a usual set of them, on the certification's new switches."""
     check_fresh(n_switches, 1)
@@ -41,7 +41,7 @@ def tolerance_of(
     n_switches: int,
     n_generators: int = 64,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> list[DriveTolerance]:
     """A chosen waveform under each error by itself, on the certification's new switches."""
     rows = drive_tolerance(
@@ -65,7 +65,7 @@ def sensitivity(
     replicates: int = 8,
     seed: int = 0,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> tuple[Chosen, Sensitivity]:
     """Shares of the variance of V and of closing that come from each of D, G, E and T."""
     # One replicate is simulated at once: n points, and n for each of the four variables exchanged, twice over.
@@ -96,6 +96,6 @@ def describe(error: DriveError) -> str:
         parts.append(f"gain ± {100.0 * error.gain_sd:.2f} % (sd)")
     if error.jitter_us:
         parts.append(f"jitter {error.jitter_us:g} µs (sd)")
-    if math.isfinite(error.slew_V_per_us):
-        parts.append(f"slew {error.slew_V_per_us:g} V/µs")
+    if math.isfinite(error.slew_volts_per_us):
+        parts.append(f"slew {error.slew_volts_per_us:g} V/µs")
     return ", ".join(parts) or "perfect"

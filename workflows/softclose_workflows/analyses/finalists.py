@@ -29,7 +29,7 @@ from softclose_workflows.analyses.certify import (
 )
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
-from softclose_workflows.tell.console import Step
+from softclose_workflows.tell.console import OnStep
 
 LEAST = 1_000
 """Switches of the first round, where the campaign itself does not ask for more."""
@@ -43,7 +43,7 @@ def certify_within(
     seed: int | None = None,
     top: int = 10,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> tuple[Certification, Race]:
     """Certify the finalists of a race between the `top` best distinct candidates, and keep the result in the store.
 

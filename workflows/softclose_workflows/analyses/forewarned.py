@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.device.told import sobol_switches
 from softclose.evaluate.chain import chain_of
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.settings import CampaignConfig
 from softclose.switch.collapse import collapse_voltage
-from softclose.waveform import MIN_RISE_US, FloatArray
+from softclose.waveform import MIN_RISE_US
 
 _N = 4096
 """Switches drawn to estimate a share of the lot; a power of 2, as Sobol points like it."""

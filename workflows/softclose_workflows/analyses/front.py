@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.evaluate.asked import OF_THE_FRONT, asked
 from softclose.evaluate.quantities import quantity
 from softclose.metrics.pareto import hypervolume, pareto_front
@@ -17,7 +18,6 @@ from softclose.metrics.ranking import is_beyond
 from softclose.propose.objectives import front_values, ideal_values, sign_of, worst_values
 from softclose.propose.protocol import Observation
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray
 from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.run.records import observations

@@ -12,7 +12,7 @@ from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.run.opening import designed_opening
-from softclose_workflows.tell.console import Step, wide_console
+from softclose_workflows.tell.console import OnStep, wide_console
 from softclose_workflows.tell.plain import finite, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, share, with_interval
 
@@ -40,7 +40,7 @@ def opening(
     watch_us: float | None = None,
     n_switches: int = 10_000,
     mapper: Mapper = here,
-    listener: Step | None = None,
+    listener: OnStep | None = None,
 ) -> JudgedOpening:
     """A stored waveform, let go at an instant: the campaign's own, or else its horizon.
 
@@ -107,7 +107,7 @@ def print_openings(title: str, found: Openings, level: float) -> None:
             with_interval(o.overshoot, *o.overshoot_interval, 3),
             share(o.p_rebound.estimate, *o.p_rebound.wilson),
             share(o.p_stuck.estimate, *o.p_stuck.wilson),
-            _time(o.settling_us, *o.settling_interval, float(o.released.times_us[-1])),
+            _time(o.rest_us, *o.rest_interval, float(o.released.times_us[-1])),
         )
     wide_console().print(table)
 
@@ -126,8 +126,8 @@ def openings_to_json(found: Openings) -> dict[str, Any]:
             "p_rebound_interval": list(o.p_rebound.wilson),
             "p_stuck": o.p_stuck.estimate,
             "p_stuck_interval": list(o.p_stuck.wilson),
-            "settling_us": o.settling_us,
-            "settling_interval_us": list(o.settling_interval),
+            "rest_us": o.rest_us,
+            "rest_interval_us": list(o.rest_interval),
             "waveform": waveform_rows(o.released.waveform.rows()),
         }
 

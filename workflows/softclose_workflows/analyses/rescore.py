@@ -13,12 +13,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.evaluate import judge
 from softclose.metrics.objective import Assessment, Judged
 from softclose.settings import CampaignConfig
 from softclose_store import open_campaign
-
-FloatArray = NDArray[np.float64]
 
 
 class RescoreError(ValueError):

@@ -28,7 +28,7 @@ from softclose_workflows.analyses.references import UNSHAPED
 from softclose_workflows.tell.assumptions import assumptions
 from softclose_workflows.tell.plain import finite, waveform_rows
 
-Verdict = Literal["pass", "fail", "not established", "not judged"]
+SheetVerdict = Literal["pass", "fail", "not established", "not judged"]
 
 SHOWN = ("v_u", "p_nc", "mean", "contact_time", "closing", "impacts", "hold_margin", "contact_force", "peak", "slope")
 """What a sheet shows, with a limit or without."""
@@ -52,7 +52,7 @@ class Line:
     """On the new switches."""
     limit: float | None
     """Largest admissible value, or the least one of a quantity that is better high; None: not judged."""
-    verdict: Verdict
+    verdict: SheetVerdict
     """pass or fail where the whole interval lies on that side of the limit."""
 
 
@@ -81,12 +81,12 @@ class Sheet:
         return self.certification.best
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> SheetVerdict:
         """fail where any limit fails, pass where all pass; not judged without limits."""
         found = {line.verdict for line in self.lines} - {"not judged"}
         for verdict in ("fail", "not established", "pass"):
             if verdict in found:
-                return cast(Verdict, verdict)
+                return cast(SheetVerdict, verdict)
         return "not judged"
 
     @property
@@ -166,7 +166,7 @@ def _line(q: Quantity, closing: Closing, limit: float | None) -> Line:
     return Line(quantity=q, value=value, limit=limit, verdict=verdict_of(q, value, limit))
 
 
-def verdict_of(q: Quantity, value: Value, limit: float | None) -> Verdict:
+def verdict_of(q: Quantity, value: Value, limit: float | None) -> SheetVerdict:
     """The interval decides, not the estimate: pass and fail need all of it on one side of the limit."""
     if limit is None:
         return "not judged"

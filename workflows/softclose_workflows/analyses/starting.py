@@ -18,9 +18,9 @@ from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.switch.plate import resonance
 from softclose.tables import parsed_tables
 
-Effort = Literal["try", "usual", "thorough"]
+Thoroughness = Literal["try", "usual", "thorough"]
 
-EFFORTS: dict[Effort, tuple[int, int, int]] = {
+EFFORTS: dict[Thoroughness, tuple[int, int, int]] = {
     "try": (40, 256, 0),
     "usual": (100, 1024, 0),
     "thorough": (60, 8192, 7680),
@@ -51,7 +51,7 @@ class Start:
     """Fastest edge that the amplifier and higher modes allow [µs]."""
     max_open: float = 0.02
     """Share of the switches that may stay open at most, above which a waveform is no result."""
-    effort: Effort = "usual"
+    effort: Thoroughness = "usual"
     """try: a minute; usual: some minutes; thorough: the search of the shipped three-pulse preset."""
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from softclose.evaluate.pieces import Mapper, here
-from softclose.uncertainty.tails import METHODS, Event, Method, Tail, tail
+from softclose.uncertainty.tails import METHODS, Method, RareEvent, Tail, tail
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.tell.plain import finite
 
@@ -17,7 +17,7 @@ from softclose_workflows.tell.plain import finite
 class Question:
     """What is asked of a waveform."""
 
-    event: Event
+    event: RareEvent
     limit_cm_s: float
 
     @property

@@ -23,15 +23,13 @@ from softclose_workflows.analyses.certify import certify as certify_store
 from softclose_workflows.analyses.drive_off import drive_off_lines
 from softclose_workflows.analyses.finalists import certify_within
 from softclose_workflows.analyses.hold import hold_lines, holds_of
-from softclose_workflows.api.results import CampaignRun, Result, metrics, warned
+from softclose_workflows.api.results import CampaignRun, Result, Store, metrics, warned
 from softclose_workflows.run import extension
 from softclose_workflows.run.crew import open_crew
 from softclose_workflows.run.driving import drive
 from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.warm_start import warm_started
 from softclose_workflows.tell.outputs import check_file, default_name, whole_file, write_text
-
-Store = str | os.PathLike[str]
 
 
 def run(

@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.metrics.ranking import rank_cm_s
 from softclose.propose.plan import plan
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, Proposal, seen_by
 from softclose.settings import CampaignConfig, load_config
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 from softclose.waveform.spaces import SpaceError
 from softclose_workflows.errors import BenchError
 

@@ -15,7 +15,7 @@ from softclose_workflows.run.executors import Placement
 
 if TYPE_CHECKING:
     from softclose.uncertainty.devices import Propagated
-    from softclose.uncertainty.drift import Drift, Kind
+    from softclose.uncertainty.drift import Drift, DriftKind
     from softclose.uncertainty.tails import Method, Tail
     from softclose_workflows.analyses.tails import Question
 
@@ -85,7 +85,7 @@ def tails(
 
 def drift(
     store: Store,
-    kind: Kind = "stiffness",
+    kind: DriftKind = "stiffness",
     values: Sequence[float] = (),
     *,
     n_switches: int = 20_000,

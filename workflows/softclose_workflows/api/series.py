@@ -11,7 +11,7 @@ from softclose_workflows.api.results import Result, metrics
 from softclose_workflows.run.executors import Placement
 
 if TYPE_CHECKING:
-    from softclose_workflows.studies.reproduced import Row
+    from softclose_workflows.studies.reproduced import ReproducedRow
     from softclose_workflows.studies.study import StudyResult
 
 
@@ -63,7 +63,7 @@ def study(
 
 def reproduce(
     out: str | os.PathLike[str], *, quick: bool = False, settings: Sequence[str] = (), serial: bool = False
-) -> Result[list[Row]]:
+) -> Result[list[ReproducedRow]]:
     """Reproduce the published study, as `softclose reproduce`.
 
     Parameters

@@ -205,7 +205,7 @@ def opening(
             "overshoot [travels]": each.overshoot,
             "touch again": each.p_rebound.estimate,
             "stuck closed": each.p_stuck.estimate,
-            "settled after [µs]": each.settling_us,
+            "at rest after [µs]": each.rest_us,
         }
         for name, each in (("the holding pulse falls", o.plain), ("with a brake", o.braked))
         if each is not None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from softclose.datafiles import TableError
 from softclose.datafiles.errors import Unfit
-from softclose.datafiles.headings import Column, Columns, Heading
+from softclose.datafiles.headings import Columns, Heading, NeededColumn
 from softclose.datafiles.reading import read_table
 from softclose_workflows.errors import BenchError
 
@@ -69,7 +69,7 @@ def _chosen(heading: Heading) -> Columns:
         has = ", ".join(map(repr, filter(None, heading.names))) or "nothing"
         raise Unfit(f"no column 'speed_cm_s': the heading has {has}", line=heading.line or 1, fitted=0.0)
     return Columns(
-        numbers={NAMES[0]: Column(index=places[NAMES[0]])},
+        numbers={NAMES[0]: NeededColumn(index=places[NAMES[0]])},
         texts={name: places[name] for name in NAMES[1:] if name in places},
         gappy=frozenset(NAMES[:1]),
     )

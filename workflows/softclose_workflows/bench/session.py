@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,7 @@ from softclose.settings import CampaignConfig, load_config
 from softclose.settings.overrides import texts
 from softclose.waveform import Waveform, WaveformError
 from softclose_store import Best, Campaign, Change, DriverStore, open_campaign, path_text, store_state, write_block
+from softclose_store.read.by_hand import ChangeKind
 from softclose_workflows.analyses.certificates import write_certificate
 from softclose_workflows.analyses.certification import Certification, Request, assemble, assess_fresh, candidate_name
 from softclose_workflows.analyses.certify import check_size
@@ -31,7 +32,7 @@ from softclose_workflows.errors import BenchError
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.flight import judged_record
-from softclose_workflows.run.measurements import Measurements, settle
+from softclose_workflows.run.measurements import AwaitedBlocks, settle
 from softclose_workflows.run.records import failed_record
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import PLACE, BlockResult, BlockTask
@@ -49,8 +50,6 @@ SETTINGS = (
 )
 """What a bench asks for on top of a preset: tens of waveforms on a handful of devices, a Gaussian process, one at a
 time."""
-
-Kind = Literal["correction", "withdrawal", "waveform"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -391,7 +390,7 @@ class Bench:
 
     def _begin(self) -> None:
         """Take up the campaign from what is stored."""
-        self._measurements = Measurements()
+        self._measurements = AwaitedBlocks()
         self._driver = Driver(self._store, self._measurements)
         self._is_whole = True
 
@@ -428,7 +427,7 @@ class Bench:
             raise BenchError(f"nothing was told of candidate {candidate!r}: tell it first")
         return self._readings_of(int(candidate), n)
 
-    def _change(self, kind: Kind, reason: str) -> Change:
+    def _change(self, kind: ChangeKind, reason: str) -> Change:
         return Change(kind=kind, from_wave=self._driver.n_proposed, reason=reason, unix_s=time.time())
 
     def _readings_of(self, candidate: int, n: int) -> Judged:
@@ -450,7 +449,7 @@ class Bench:
             status=np.concatenate([block["status"][at] for block in blocks]).astype(np.int8),
         )
 
-    def _change_readings(self, candidate: int, measured: Judged, kind: Kind, reason: str) -> None:
+    def _change_readings(self, candidate: int, measured: Judged, kind: ChangeKind, reason: str) -> None:
         """Write a change, and take the campaign up again with it."""
         self._is_whole = False
         if (measured.status == MISSING).all():

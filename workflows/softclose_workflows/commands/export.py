@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from softclose_workflows.commands.options import columns_option
+from softclose_workflows.commands.options import Command, columns_option
 from softclose_workflows.terminal import say
 
 if TYPE_CHECKING:
@@ -28,8 +27,6 @@ OPTIONS = {
     "siglent-csv": {"duration_us", "gain"},
 }
 """Format of a waveform -> the options that mean something for it; any other one that is given is refused."""
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def candidate_option(command: Command) -> Command:
@@ -175,7 +172,7 @@ def waveform(
 
         config = CampaignConfig.from_dict(campaign.config)
         drive, scales = drive_of(config, drive, pull_in_V=pull_in_V, resonance_kHz=resonance_kHz)
-        click.echo(f"volts × {float(scales.voltage[0]):.4f}, times × {float(scales.time[0]):.4f}", err=True)
+        click.echo(f"volts × {float(scales.volts[0]):.4f}, times × {float(scales.times[0]):.4f}", err=True)
     if form == "pwl":
         from softclose_workflows.exports.pwl import draw, spice_source
 
@@ -206,7 +203,7 @@ def _emit_codes(
     campaign: Campaign, i: int, drive: Waveform, times: Any, settings: dict[str, Any], output: Path | None
 ) -> None:
     from softclose_workflows.errors import ExportError
-    from softclose_workflows.exports.samples import Scale, codes_text, metadata
+    from softclose_workflows.exports.samples import CodeScale, codes_text, metadata
     from softclose_workflows.tell.plain import json_text
 
     full_scale = settings["full_scale_V"]
@@ -215,7 +212,7 @@ def _emit_codes(
             "codes mean nothing without the voltage at the switch that the largest one stands for, amplifier included: "
             f"give --full-scale (the campaign's limit is {campaign.config['waveform']['max_volts']:g} V)"
         )
-    scale = Scale(
+    scale = CodeScale(
         bits=settings["bits"],
         signed=settings["signed"],
         rate_MSps=settings["rate_MSps"],

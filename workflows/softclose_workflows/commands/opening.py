@@ -52,7 +52,7 @@ def opening(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Show how the switches in STORE open at release: overshoot, contacts after release, settling; design a brake.
+    """Show how the switches in STORE open at release: overshoot, contacts after release, time to rest; design a brake.
 
     This is based on the switches of the certificate that are still closed when the fall begins.
     """

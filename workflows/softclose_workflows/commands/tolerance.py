@@ -63,7 +63,7 @@ def tolerance(
         *(DriveError(gain=x) for x in gain),
         *(DriveError(gain_sd=x) for x in gain_sd),
         *(DriveError(jitter_us=x) for x in jitter),
-        *(DriveError(slew_V_per_us=x) for x in slew),
+        *(DriveError(slew_volts_per_us=x) for x in slew),
     ]
     with bar("simulating", quiet=quiet) as listener, open_crew(placement) as crew:
         chosen, rows = run(
@@ -82,7 +82,7 @@ def tolerance(
                 "gain": r.error.gain,
                 "gain_sd": r.error.gain_sd,
                 "jitter_us": r.error.jitter_us,
-                "slew_V_per_us": r.error.slew_V_per_us,
+                "slew_volts_per_us": r.error.slew_volts_per_us,
                 "v_u_shift_cm_s": r.v_u_shift_cm_s,
                 "p_nc_shift": r.p_nc_shift,
                 **r.assessment.to_dict(),

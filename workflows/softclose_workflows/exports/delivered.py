@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.evaluate import judge
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.settings import CampaignConfig
-from softclose.waveform import Drive, FloatArray, Trace, Waveform
+from softclose.waveform import Drive, Trace, Waveform
 from softclose_workflows.analyses.certify import simulate_fresh
 from softclose_workflows.errors import ExportError
 

@@ -23,7 +23,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.waveform import FloatArray, Waveform
+from softclose.arrays import FloatArray
+from softclose.waveform import Waveform
 from softclose_workflows.errors import ExportError
 from softclose_workflows.exports.samples import sample_times_us
 from softclose_workflows.tell.outputs import whole_file

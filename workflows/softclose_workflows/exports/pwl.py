@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softclose.waveform import FloatArray, Waveform
+from softclose.arrays import FloatArray
+from softclose.waveform import Waveform
 from softclose_workflows.errors import ExportError
 
 STEP_EDGE_US = 1e-4

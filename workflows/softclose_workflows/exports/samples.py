@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.waveform import FloatArray, Waveform
+from softclose.arrays import FloatArray
+from softclose.waveform import Waveform
 from softclose_workflows.errors import ExportError
 
 MAX_SAMPLES = 10_000_000
@@ -37,7 +38,7 @@ def volts_csv(waveform: Waveform, times_us: FloatArray) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class CodeScale:
     """How codes stand for volts at the switch, any amplifier between included."""
 
     bits: int
@@ -76,7 +77,7 @@ class Scale:
         return codes
 
 
-def metadata(scale: Scale, codes: NDArray[np.int64], volts: FloatArray) -> dict[str, float | int | bool | str]:
+def metadata(scale: CodeScale, codes: NDArray[np.int64], volts: FloatArray) -> dict[str, float | int | bool | str]:
     """What somebody needs to play the codes back, and how far they are from the waveform."""
     return asdict(scale) | {
         "volts": "code * volts_per_code",

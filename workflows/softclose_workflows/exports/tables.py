@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softclose_store import Campaign
-from softclose_store.schema.fields import IMPACT_QUANTITIES, QUANTITIES, RECORDED
+from softclose_store.schema.fields import IMPACT_QUANTITIES, RECORDED, RESPONSE_QUANTITIES
 from softclose_workflows.errors import ExportError
 from softclose_workflows.tell.outputs import whole_file
 from softclose_workflows.terminal import visible
@@ -59,7 +59,7 @@ def ensemble_dataset(campaign: Campaign, candidate: int, *, trajectories: bool =
         c.name: ("switch", population[c.name][:n], {"units": c.unit, "long_name": c.long_name})
         for c in campaign.layout.columns
     }
-    for quantity in QUANTITIES:
+    for quantity in RESPONSE_QUANTITIES:
         values = np.asarray(getattr(responses, fields.get(quantity.name, quantity.name)))
         variables[quantity.name] = ("switch", values, {"units": quantity.unit, "long_name": quantity.long_name})
     coords: dict[str, Any] = {"switch": np.arange(n)}

@@ -9,16 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.conditions.learning import TailoredByLearning
 from softclose.conditions.trim import Trim, given_scales
 from softclose.conditions.trim import trim_of as of_section
 from softclose.device.drives import scaled
-from softclose.device.scaled import Scales
 from softclose.evaluate import draw
 from softclose.evaluate.chain import chain_of
 from softclose.population.measurements import read_devices
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
+from softclose.waveform.scales import Scales
 from softclose_workflows.errors import ExportError
 from softclose_workflows.exports.tables import cell
 
@@ -81,7 +82,7 @@ def drive_of(
             )
     measured = np.array([[np.nan if v is None else v for v in given.values()]])
     scales = _given(config, trim.scales(measured), waveform)
-    drive = scaled(waveform, float(scales.voltage[0]), float(scales.time[0]))
+    drive = scaled(waveform, float(scales.volts[0]), float(scales.times[0]))
     assert isinstance(drive, Waveform)
     return drive, scales
 
@@ -115,13 +116,13 @@ def grid_table(config: CampaignConfig, waveform: Waveform, rows: int) -> str:
 def _csv(config: CampaignConfig, waveform: Waveform, values: FloatArray, devices: tuple[str, ...] | None) -> str:
     asked = trim_of(config).scales(_measured(config, values))
     given = _given(config, asked, waveform)
-    limited = (given.voltage != asked.voltage) | (given.time != asked.time)
+    limited = (given.volts != asked.volts) | (given.times != asked.times)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = used_columns(trim_of(config))
     writer.writerow([*(["device"] if devices else []), *names, "voltage_scale", "time_scale", "at_a_limit"])
     for i, row in enumerate(values):
-        scales = [f"{given.voltage[i]:.6f}", f"{given.time[i]:.6f}", int(limited[i])]
+        scales = [f"{given.volts[i]:.6f}", f"{given.times[i]:.6f}", int(limited[i])]
         writer.writerow([*([cell(devices[i])] if devices else []), *(f"{value:.6g}" for value in row), *scales])
     return text.getvalue()
 

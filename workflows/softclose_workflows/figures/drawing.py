@@ -21,7 +21,7 @@ from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.packed import SLOWEST_IMPACT_CM_S, waveform_points
 from softclose_workflows.tell import labels
 
-Draw = Callable[[ReportData], "Figure | None"]
+Drawing = Callable[[ReportData], "Figure | None"]
 
 LINES = ("-", "--", ":", "-.", (0, (8, 3)))
 MARKERS = {
@@ -345,7 +345,7 @@ def _top(data: ReportData) -> float:
     return 5.0 * math.ceil((max(tops, default=10.0) + 1.0) / 5.0)
 
 
-FIGURES: dict[str, Draw] = {
+FIGURES: dict[str, Drawing] = {
     "response": response,
     "pulses": pulses,
     "histogram": histogram,

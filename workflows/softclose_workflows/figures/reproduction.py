@@ -18,7 +18,7 @@ from softclose_workflows.tell.outputs import make_folder
 
 if TYPE_CHECKING:
     from softclose.population import Population
-    from softclose_workflows.studies.reproduced import Row
+    from softclose_workflows.studies.reproduced import ReproducedRow
 
 N_DRAWN = 200
 """Switches whose trajectories a figure shows, as in the published ones."""
@@ -26,7 +26,7 @@ N_DRAWN = 200
 OURS, PRINTED, EACH = COLOURS["best"], COLOURS["deterministic"], COLOURS["unshaped"]
 
 
-def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
+def draw_all(folder: Path, rows: Sequence[ReproducedRow]) -> list[Path]:
     """Write every figure into folder and return their paths."""
     make_folder(folder)
     with style():
@@ -40,11 +40,11 @@ def _save(figure: Figure, path: Path) -> Path:
     return path
 
 
-def _label(row: Row) -> str:
+def _label(row: ReproducedRow) -> str:
     return f"{row.case.title} ({row.case.how})"
 
 
-def _comparison(folder: Path, rows: Sequence[Row]) -> Path:
+def _comparison(folder: Path, rows: Sequence[ReproducedRow]) -> Path:
     """Published v_u against ours, and what 200 switches would show of ours."""
     figure = Figure(figsize=(PAGE_IN, 0.38 * len(rows) + 1.2))
     axes = figure.subplots()
@@ -65,7 +65,7 @@ def _comparison(folder: Path, rows: Sequence[Row]) -> Path:
     return _save(figure, folder / "comparison.svg")
 
 
-def _densities(folder: Path, rows: Sequence[Row]) -> Path:
+def _densities(folder: Path, rows: Sequence[ReproducedRow]) -> Path:
     """Densities of V, after the published Fig. 13, from every certified switch."""
     figure = Figure(figsize=(PAGE_IN, 3.6))
     axes = figure.subplots()
@@ -85,7 +85,7 @@ def _densities(folder: Path, rows: Sequence[Row]) -> Path:
     return _save(figure, folder / "densities.svg")
 
 
-def _populations(folder: Path, rows: Sequence[Row]) -> Path:
+def _populations(folder: Path, rows: Sequence[ReproducedRow]) -> Path:
     """Densities of D, G, E, T and 1,000 samples of K and M, after the published Figs. 3 and 4."""
     from softclose.population import UNITS, VARIABLES
 
@@ -112,7 +112,7 @@ def _populations(folder: Path, rows: Sequence[Row]) -> Path:
     return _save(figure, folder / "populations.svg")
 
 
-def _response(folder: Path, row: Row) -> Path:
+def _response(folder: Path, row: ReproducedRow) -> Path:
     """Waveform, displacement and velocity of 200 switches, and the histogram of V (Figs. 6 to 12)."""
     from softclose.evaluate import respond
     from softclose_workflows.analyses.certify import fresh_switches

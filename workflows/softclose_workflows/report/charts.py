@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import group_of
-from softclose.waveform import FloatArray
 from softclose_workflows.report import shapes
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.tell import labels

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics.objective import CM_S, Assessment, Response, in_time
 from softclose.metrics.paired import Comparison, compare
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import NSGA2
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.analyses.front import Front
 from softclose_workflows.analyses.references import UNSHAPED

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.evaluate.quantities import quantity
 from softclose.propose.objectives import sign_of
-from softclose.waveform import FloatArray
 from softclose_workflows.analyses.front import Front
 from softclose_workflows.report.charts import Chart, axis, layout, numbers
 from softclose_workflows.report.data import Candidates

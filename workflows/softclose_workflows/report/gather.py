@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.evaluate import judge
 from softclose.metrics.objective import CM_S
 from softclose.population.lot import Lot
@@ -17,7 +18,7 @@ from softclose.propose.dependence import Dependence, surrogate_dependence
 from softclose.propose.origins import NSGA2
 from softclose.propose.protocol import Observation, Problem
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray, Waveform
+from softclose.waveform import Waveform
 from softclose_store.schema.fields import SURROGATE_PREFIX
 from softclose_workflows.analyses.certify import read_certification
 from softclose_workflows.analyses.distinct import APART_V, distinct, last_change_us

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from softclose.waveform import FloatArray, Waveform
+from softclose.arrays import FloatArray
+from softclose.waveform import Waveform
 from softclose_workflows.report.data import Traces
 
 SLOWEST_IMPACT_CM_S = 1.0

@@ -19,7 +19,7 @@ from softclose_workflows.report.data import Design, ReportData
 if TYPE_CHECKING:
     from softclose_store import Campaign
 
-Found = TypeVar("Found")
+Shown = TypeVar("Shown")
 
 MOST_SWITCHES = 2000
 """Switches that a section simulates beside the campaign's own, at each temperature or on a plainer model."""
@@ -45,7 +45,7 @@ class Given:
         return Lot(self.campaign.population()).rows(slice(len(self.designs[0].speed_cm_s)))
 
 
-class Section(ABC, Generic[Found]):
+class Section(ABC, Generic[Shown]):
     """One section of the page."""
 
     name: ClassVar[str]
@@ -57,17 +57,17 @@ class Section(ABC, Generic[Found]):
     places a chart. What a store says is escaped."""
 
     @abstractmethod
-    def find(self, given: Given) -> Found | None:
+    def find(self, given: Given) -> Shown | None:
         """What there is to show; None where there is nothing. Looked for once a report."""
 
     @abstractmethod
-    def headings(self, found: Found) -> tuple[str, str]:
+    def headings(self, found: Shown) -> tuple[str, str]:
         """Its heading, and its name in the list of sections."""
 
-    def figures(self, found: Found, data: ReportData) -> dict[str, Chart]:
+    def figures(self, found: Shown, data: ReportData) -> dict[str, Chart]:
         """Its charts by their ids."""
         return {}
 
-    def told(self, found: Found, data: ReportData) -> dict[str, Any]:
+    def told(self, found: Shown, data: ReportData) -> dict[str, Any]:
         """What else its words need."""
         return {}

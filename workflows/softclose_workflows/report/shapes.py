@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.metrics.intervals import clopper_pearson
 from softclose.propose.dependence import Dependence
-from softclose.waveform import FloatArray
 from softclose_workflows.report.data import ReportData
 
 SPEED_STEP_CM_S = 0.25
@@ -44,7 +44,7 @@ def speed_density(speed_cm_s: FloatArray, top_cm_s: float) -> tuple[FloatArray, 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Exceedance:
+class ExceedanceCurve:
     """P(V > v) among the switches in contact."""
 
     v_cm_s: FloatArray
@@ -57,13 +57,13 @@ class Exceedance:
     """(k,) its upper end: above 0 also where no switch was so fast."""
 
 
-def exceedance(speed_cm_s: FloatArray, top_cm_s: float, confidence: float) -> Exceedance:
+def exceedance(speed_cm_s: FloatArray, top_cm_s: float, confidence: float) -> ExceedanceCurve:
     """Fraction of switches faster than v, up to top_cm_s; empty where no switch touched."""
     v = np.sort(speed_cm_s[np.isfinite(speed_cm_s)])
     axis = np.arange(0.0, top_cm_s + SPEED_STEP_CM_S, SPEED_STEP_CM_S) if v.size else np.empty(0)
     counts = v.size - np.searchsorted(v, axis, side="right")
     ends = np.array([clopper_pearson(int(count), v.size, confidence) for count in counts]).reshape(-1, 2)
-    return Exceedance(v_cm_s=axis, probability=counts / max(v.size, 1), lower=ends[:, 0], upper=ends[:, 1])
+    return ExceedanceCurve(v_cm_s=axis, probability=counts / max(v.size, 1), lower=ends[:, 0], upper=ends[:, 1])
 
 
 def gaussian_density(sample: FloatArray, axis: FloatArray, *, mirrors: Sequence[float] = ()) -> FloatArray:

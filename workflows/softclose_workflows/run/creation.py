@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softclose import ALGORITHM
+from softclose.arrays import FloatArray
 from softclose.evaluate import combinations, draw
 from softclose.evaluate.asked import asked
 from softclose.evaluate.chain import chain_of, device_of
@@ -15,7 +16,6 @@ from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig
 from softclose.switch.plate import EPSILON_0, V_STICK
-from softclose.waveform import FloatArray
 from softclose.waveform.spaces import SPACES
 from softclose_store import CaseColumn, Constant, Layout, PopulationColumn, StoreError, create_campaign
 from softclose_workflows.run.blocks import stage_layouts

@@ -11,17 +11,15 @@ import itertools
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 from softclose.device.protocol import is_own_word
+from softclose.evaluate.pieces import Answer, Piece
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.faults import Retries
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
-
-Piece = TypeVar("Piece")
-Answer = TypeVar("Answer")
 
 POLL_S = 0.5
 """How often a crew looks up from waiting: for a stop request, for lost workers [s]."""

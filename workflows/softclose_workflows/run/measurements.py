@@ -13,7 +13,7 @@ from softclose_workflows.run.executors.protocol import Contact, Event, Task
 from softclose_workflows.run.tasks import BlockTask
 
 
-class Measurements:
+class AwaitedBlocks:
     """Stands where an executor does: blocks wait here until somebody has measured them."""
 
     n_workers = 0
@@ -62,5 +62,5 @@ def commit_told(path: str, *, break_lock: bool = False) -> int:
         return 0
     with DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock) as store:
         before = store.n_committed
-        settle(Driver(store, Measurements()))
+        settle(Driver(store, AwaitedBlocks()))
         return store.n_committed - before

@@ -47,7 +47,7 @@ _PER_SWITCH = {
     "stuck": ("1", "never leaving the contact"),
     "rebound": ("1", "touching the contact again"),
     "overshoot": ("1", "largest displacement beyond rest, in travels; NaN: not held"),
-    "settling_us": ("µs", "time from the begin of the fall until it stays near rest; inf: not in time, NaN: not held"),
+    "rest_us": ("µs", "time from the begin of the fall until it stays near rest; inf: not in time, NaN: not held"),
 }
 
 

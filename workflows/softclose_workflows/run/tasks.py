@@ -14,17 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.device.protocol import is_own_word
 from softclose.evaluate.chain import chain_of
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose.waveform import FloatArray, Waveform
-from softclose_store import CASE_PREFIX, IMPACT_QUANTITIES, QUANTITIES
+from softclose.waveform import Waveform
+from softclose_store import CASE_PREFIX, IMPACT_QUANTITIES, RESPONSE_QUANTITIES
 
 if TYPE_CHECKING:
     from softclose.device.simulate import Responses
 
-PLACE = {quantity.name: k for k, quantity in enumerate(QUANTITIES)}
+PLACE = {quantity.name: k for k, quantity in enumerate(RESPONSE_QUANTITIES)}
 """Where a quantity stands in the array `response`."""
 
 Rows = tuple[tuple[float, float, float, float], ...]

@@ -32,7 +32,7 @@ IMPROVED = Published(v_u_cm_s=12.8, mean_cm_s=9.6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class PublishedCase:
     """One row of the comparison."""
 
     title: str
@@ -50,8 +50,10 @@ class Case:
 
 
 CASES = (
-    Case(title="unshaped 100 V", how="ideal step", preset="current-two", design="unshaped", published=UNSHAPED),
-    Case(
+    PublishedCase(
+        title="unshaped 100 V", how="ideal step", preset="current-two", design="unshaped", published=UNSHAPED
+    ),
+    PublishedCase(
         title="deterministic design",
         how="solved for the mean switch",
         preset="current-two",
@@ -59,25 +61,35 @@ CASES = (
         published=DETERMINISTIC,
         figure="6, 7",
     ),
-    Case(title="current design, 2 pulses", how="published procedure", preset="current-paper", published=CURRENT),
-    Case(title="current design, 2 pulses", how="softclose", preset="current-two", published=CURRENT, figure="8, 9"),
-    Case(title="current design, 3 pulses", how="DIRECT, 350 evaluations", preset="current-direct", published=THREE),
-    Case(title="current design, 3 pulses", how="softclose", preset="current-three", published=THREE),
-    Case(title="modified design, 2 pulses", how="published procedure", preset="modified-paper", published=MODIFIED),
-    Case(title="modified design, 2 pulses", how="softclose", preset="modified", published=MODIFIED, figure="10, 11"),
-    Case(title="modified design, 3 pulses", how="softclose", preset="modified-three"),
-    Case(
+    PublishedCase(
+        title="current design, 2 pulses", how="published procedure", preset="current-paper", published=CURRENT
+    ),
+    PublishedCase(
+        title="current design, 2 pulses", how="softclose", preset="current-two", published=CURRENT, figure="8, 9"
+    ),
+    PublishedCase(
+        title="current design, 3 pulses", how="DIRECT, 350 evaluations", preset="current-direct", published=THREE
+    ),
+    PublishedCase(title="current design, 3 pulses", how="softclose", preset="current-three", published=THREE),
+    PublishedCase(
+        title="modified design, 2 pulses", how="published procedure", preset="modified-paper", published=MODIFIED
+    ),
+    PublishedCase(
+        title="modified design, 2 pulses", how="softclose", preset="modified", published=MODIFIED, figure="10, 11"
+    ),
+    PublishedCase(title="modified design, 3 pulses", how="softclose", preset="modified-three"),
+    PublishedCase(
         title="improved process, 2 pulses",
         how="published procedure",
         preset="process-improved-paper",
         published=IMPROVED,
     ),
-    Case(
+    PublishedCase(
         title="improved process, 2 pulses", how="softclose", preset="process-improved", published=IMPROVED, figure="12"
     ),
-    Case(title="improved process, 3 pulses", how="softclose", preset="process-improved-three"),
-    Case(title="unshaped 100 V, literal ±25 %", how="ideal step", preset="paper-text", design="unshaped"),
-    Case(title="current design, literal ±25 %, 2 pulses", how="softclose", preset="paper-text"),
+    PublishedCase(title="improved process, 3 pulses", how="softclose", preset="process-improved-three"),
+    PublishedCase(title="unshaped 100 V, literal ±25 %", how="ideal step", preset="paper-text", design="unshaped"),
+    PublishedCase(title="current design, literal ±25 %, 2 pulses", how="softclose", preset="paper-text"),
 )
 
 

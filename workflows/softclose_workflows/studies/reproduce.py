@@ -18,7 +18,7 @@ from softclose.metrics.paired import spread_at
 from softclose.settings import load_config
 from softclose_workflows.analyses.certify import Certification
 from softclose_workflows.studies.published import CASES, LIMIT_CM_S, N_PUBLISHED, presets
-from softclose_workflows.studies.reproduced import Row
+from softclose_workflows.studies.reproduced import ReproducedRow
 from softclose_workflows.studies.series import Effort, Member, run_series
 from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.outputs import check_folder, write_text
@@ -51,7 +51,7 @@ def members(overrides: Sequence[str] = ()) -> list[Member]:
     return [Member(name=preset, config=load_config(preset, settings)) for preset in presets()]
 
 
-def reproduce(folder: str | Path, effort: Effort, overrides: Sequence[str] = ()) -> list[Row]:
+def reproduce(folder: str | Path, effort: Effort, overrides: Sequence[str] = ()) -> list[ReproducedRow]:
     """Run, continue or re-read every campaign, and write the tables. Raises OutputError for a folder that cannot be."""
     folder = check_folder(folder)
     campaigns = members(overrides)
@@ -62,7 +62,7 @@ def reproduce(folder: str | Path, effort: Effort, overrides: Sequence[str] = ())
     return rows
 
 
-def _rows(campaigns: Sequence[Member], certifications: Sequence[Certification]) -> list[Row]:
+def _rows(campaigns: Sequence[Member], certifications: Sequence[Certification]) -> list[ReproducedRow]:
     by_name = {m.name: (m, c) for m, c in zip(campaigns, certifications, strict=True)}
     rows = []
     for case in CASES:
@@ -78,7 +78,7 @@ def _rows(campaigns: Sequence[Member], certifications: Sequence[Certification]) 
         half = 1.96 * float(ordered.std()) / math.sqrt(N_PUBLISHED) if ordered.size else math.nan
         mean = certified.assessment.mean_cm_s
         rows.append(
-            Row(
+            ReproducedRow(
                 case=case,
                 config=member.config,
                 store=member.name,
@@ -90,7 +90,7 @@ def _rows(campaigns: Sequence[Member], certifications: Sequence[Certification]) 
     return rows
 
 
-def to_json(rows: Sequence[Row]) -> dict[str, Any]:
+def to_json(rows: Sequence[ReproducedRow]) -> dict[str, Any]:
     """Plain values of the whole comparison."""
     plain: dict[str, Any] = finite(
         {
@@ -124,7 +124,7 @@ def to_json(rows: Sequence[Row]) -> dict[str, Any]:
     return plain
 
 
-def to_text(rows: Sequence[Row]) -> str:
+def to_text(rows: Sequence[ReproducedRow]) -> str:
     """The comparison as a plain text table, then the waveforms."""
     from io import StringIO
 
@@ -136,12 +136,12 @@ def to_text(rows: Sequence[Row]) -> str:
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
 
 
-def print_reproduction(rows: Sequence[Row]) -> None:
+def print_reproduction(rows: Sequence[ReproducedRow]) -> None:
     """The comparison for people."""
     _print(wide_console(240), rows)
 
 
-def _print(console: Any, rows: Sequence[Row]) -> None:
+def _print(console: Any, rows: Sequence[ReproducedRow]) -> None:
     from rich.table import Table
 
     n = rows[0].certified.assessment.n

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from softclose.metrics.intervals import Interval
 from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certify import Certified
-from softclose_workflows.studies.published import Case
+from softclose_workflows.studies.published import PublishedCase
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class ReproducedRow:
     """One case beside the study's figures."""
 
-    case: Case
+    case: PublishedCase
     """The case."""
     config: CampaignConfig
     """The campaign that it belongs to."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softclose.arrays import FloatArray
 from softclose.waveform import is_above
 from softclose_workflows.analyses.certify import Certification, assess_fresh, simulate_fresh
 from softclose_workflows.run.crew import open_crew
@@ -23,8 +23,6 @@ from softclose_workflows.tell.console import bar, wide_console
 from softclose_workflows.tell.outputs import write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, share_open, with_interval
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ from pydantic.dataclasses import dataclass
 
 from softclose.allowed.refusal import Said, shown
 from softclose.allowed.tables import TABLE, Number, checked, refuses_with
+from softclose.allowed.types import Text
 from softclose.population import UNITS, Population
 from softclose.presets import PresetError, find_named
 from softclose.settings import CampaignConfig, ConfigError, load_config, read_toml
@@ -29,8 +30,6 @@ TRANSFORMS = {
 
 TOGETHER = {"trim.error": ("trim.pull_in_error", "trim.resonance_error")}
 """Parameters that set several keys to one value."""
-
-Text = Annotated[str, MinLen(1)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=TABLE)

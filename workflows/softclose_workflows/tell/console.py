@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
 
-Step = Callable[[int, int], None]
+OnStep = Callable[[int, int], None]
 """Called with what is done and what there is."""
 
 
@@ -80,7 +80,7 @@ def silent(quiet: bool) -> bool:
 
 
 @contextlib.contextmanager
-def bar(title: str, *, quiet: bool = False) -> Iterator[Step | None]:
+def bar(title: str, *, quiet: bool = False) -> Iterator[OnStep | None]:
     """A bar that is gone at the end; without a terminal a line a minute, `certifying: 40 %`; None where quiet."""
     if quiet:
         yield None

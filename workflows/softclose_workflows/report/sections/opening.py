@@ -29,7 +29,7 @@ class ReportedOpening(Section[Openings]):
       <th scope="col" class="n">At rest after (µs)</th></tr></thead>
     <tbody>{% for row in openings %}
       <tr><th scope="row">{{ row.name }}</th>
-      {% for name in ["overshoot", "rebound", "stuck", "settling"] %}
+      {% for name in ["overshoot", "rebound", "stuck", "rest"] %}
       <td class="n">{{ row[name] }}
         {%- if row[name ~ "_interval"] %} <span class="small">({{ row[name ~ "_interval"] }})</span>{% endif %}</td>
       {% endfor %}</tr>{% endfor %}
@@ -62,7 +62,7 @@ def rows_of(found: Openings) -> list[dict[str, str]]:
 
     def row(name: str, o: Opening) -> dict[str, str]:
         watched = f"not within the {o.released.times_us[-1]:g} µs simulated (opening.watch_us)"
-        settles = watched if math.isinf(o.settling_us) else number(o.settling_us)
+        after = watched if math.isinf(o.rest_us) else number(o.rest_us)
         return {
             "name": name,
             "overshoot": number(o.overshoot, 3),
@@ -71,8 +71,8 @@ def rows_of(found: Openings) -> list[dict[str, str]]:
             "rebound_interval": percent_interval(*o.p_rebound.wilson, 2),
             "stuck": percent(o.p_stuck.estimate, 2),
             "stuck_interval": percent_interval(*o.p_stuck.wilson, 2),
-            "settling": settles,
-            "settling_interval": interval(*o.settling_interval) if math.isfinite(o.settling_us) else "",
+            "rest": after,
+            "rest_interval": interval(*o.rest_interval) if math.isfinite(o.rest_us) else "",
         }
 
     rows = [row("the holding pulse falls", found.plain)]

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.conditions.temperature import TemperatureSection, heated
 from softclose.device.protocol import ModelError
 from softclose.evaluate import draw, judge, respond
 from softclose.metrics.objective import Assessment
-from softclose.waveform import FloatArray
 from softclose_workflows.report.charts import DASHES, Chart, axis, band, layout, numbers, plain
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.section import MOST_SWITCHES, Given, Section

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.device.protocol import ModelError
 from softclose.evaluate import judge, respond
 from softclose.evaluate.chain import chain_of, drives_of
-from softclose.waveform import FloatArray
 from softclose_workflows.report.charts import Chart, axis, densities, layout, numbers, top_speed
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.section import Given, Section

@@ -6,11 +6,12 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, MinLen
+from annotated_types import Ge, Gt
 from pydantic import Strict
 from pydantic.dataclasses import dataclass
 
 from softclose.allowed.tables import TABLE, Number, checked
+from softclose.allowed.types import Text
 from softclose.settings import ConfigError, read_toml
 
 Scheduler = Literal["slurm", "pbs", "lsf", "sge", "oar"]
@@ -18,8 +19,7 @@ Scheduler = Literal["slurm", "pbs", "lsf", "sge", "oar"]
 PROJECT_KEY = {"slurm": "account", "pbs": "account", "lsf": "project", "sge": "project", "oar": "project"}
 """What a scheduler's library calls the project that pays."""
 
-Text = Annotated[str, MinLen(1)]
-Count = Annotated[int, Strict(), Ge(1)]
+AtLeastOne = Annotated[int, Strict(), Ge(1)]
 
 WALLTIME = re.compile(r"(?:(\d+)-)?(?:(\d+):)?(\d+):(\d\d)")
 """Days, hours, minutes and seconds of a walltime."""
@@ -33,9 +33,9 @@ class Cluster:
     """Which."""
     config_name: Text | None = None
     """Section of Dask's `jobqueue` configuration that completes this one; by default the scheduler's own."""
-    jobs: Count = 1
+    jobs: AtLeastOne = 1
     """Jobs at once."""
-    cores: Count | None = None
+    cores: AtLeastOne | None = None
     """Cores of a job: as many workers, of one thread each."""
     memory: Text | None = None
     """Memory of a job, such as "32GB"."""

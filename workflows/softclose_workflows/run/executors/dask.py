@@ -40,7 +40,7 @@ SILENT = logging.CRITICAL + 1
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class UnderWay:
     """A block under way."""
 
     task: Task
@@ -66,7 +66,7 @@ class DaskExecutor:
         """
         self._client = client
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self._futures: dict[str, Sent] = {}
+        self._futures: dict[str, UnderWay] = {}
         self._waiting: deque[Task] = deque()
         self._feeding = threading.Lock()
         # A token per run: a long-lived cluster must not hand back the results of an earlier run's equal keys.
@@ -163,7 +163,7 @@ class DaskExecutor:
         key = f"{task.key}-{self._token}-{uuid.uuid4().hex[:6]}"
         chosen = self._fit() if self._unfit else None
         future = self._client.submit(run_task, task, key=key, pure=False, workers=chosen)
-        self._futures[key] = Sent(task, future, None if chosen is None else frozenset(chosen))
+        self._futures[key] = UnderWay(task, future, None if chosen is None else frozenset(chosen))
         future.add_done_callback(lambda done: self._finished(task, done))
 
     def _finished(self, task: Task, future: Answer) -> None:
