@@ -34,6 +34,8 @@ LOSSES = {
     "none": {},
     "Q": {"losses": Losses(quality_factor=20.0)},
     "film": {"losses": Losses(film_viscosity_uPa_s=1.0)},
+    "cubic": {"modes": ReducedOrder(mode=(Mode(frequency_kHz=20.0, cubic_per_um2=0.1),))},
+    "slip": {"losses": Losses(film_viscosity_uPa_s=1.0, film_mean_free_path_um=0.1)},
     "two modes": {"modes": ReducedOrder(mode=MODES[:2])},
     "two modes, film": {"modes": ReducedOrder(mode=MODES[:2]), "losses": Losses(film_viscosity_uPa_s=1.0)},
 }

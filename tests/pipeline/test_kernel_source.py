@@ -37,6 +37,7 @@ def test_the_series_are_what_their_generator_writes():
     assert generate_series.LOSSY.read_text(encoding="utf-8") == generate_series.render_lossy()
     assert generate_series.DRIVE.read_text(encoding="utf-8") == generate_series.render_drive()
     assert generate_series.MODES.read_text(encoding="utf-8") == generate_series.render_modes()
+    assert generate_series.SHAPED.read_text(encoding="utf-8") == generate_series.render_shaped()
 
 
 def test_the_cached_code_is_keyed_by_the_source_of_all_kernel_files():
@@ -46,7 +47,7 @@ def test_the_cached_code_is_keyed_by_the_source_of_all_kernel_files():
         function = getattr(block, "py_func", block)
         closed_over = dict(zip(function.__code__.co_freevars, function.__closure__, strict=True))
         values = {name: cell.cell_contents for name, cell in closed_over.items()}
-        assert values == {"source": source.fingerprint(), "form": 3, "lossy": True, "film": film}
+        assert values == {"source": source.fingerprint(), "form": 3, "lossy": True, "film": film, "shaped": False}
 
 
 def test_the_series_of_the_motion_match_finite_differences():

@@ -14,8 +14,8 @@ from softclose.settings import load_config
 PROCESS = ("skopt", "parego")
 """Engines that are a Gaussian process."""
 
-NO_CHEAP_MODEL = {"actuator", "capacitive"}
-"""Devices that a film of slipping gas decides: no kernel is fast with it, and a prior would cost as the search does."""
+NO_CHEAP_MODEL = {"actuator"}
+"""A device whose force is a table of capacitances: no kernel is fast with it, and a prior would cost as the search."""
 
 SEARCHES = [n for n in preset_names() if not n.endswith(("-paper", "-direct")) and n not in NO_CHEAP_MODEL]
 

@@ -221,8 +221,9 @@ def test_what_does_not_go_together_is_refused() -> None:
     with pytest.raises(ReducedOrderError, match=r"permittivity is 0\.5"):
         ReducedOrder(mode=one().mode, dielectric=Dielectric(thickness_um=0.2, permittivity=0.5))
     slips = Losses(film_viscosity_uPa_s=18.0, film_mean_free_path_um=0.065)
+    two = ReducedOrder(mode=(Mode(frequency_kHz=20.0), Mode(frequency_kHz=70.0, contact=0.2, electrode=0.2)))
     with pytest.raises(SimulationError, match="no film that slips"):
-        simulate([MEAN], HARD, losses=slips, drive_volts=np.array([1.1]), drive_times=np.array([1.0]))
+        simulate([MEAN], HARD, modes=two, losses=slips, drive_volts=np.array([1.1]), drive_times=np.array([1.0]))
 
 
 def test_a_model_with_every_term_is_stored_and_read_back() -> None:

@@ -140,14 +140,15 @@ def test_what_has_no_series_goes_to_the_twin() -> None:
     for modes in (
         ReducedOrder(mode=PLATE.mode, contact=CompliantContact(force_at_1_um_uN=1e5)),
         ReducedOrder(mode=(*PLATE.mode, Mode(frequency_kHz=150.0, contact=0.1))),
-        ReducedOrder(mode=PLATE.mode[:1]),
+        ReducedOrder(mode=(Mode(frequency_kHz=20.0, electrode=0.9),)),
         ReducedOrder(mode=(PLATE.mode[0], Mode(frequency_kHz=70.0, contact=0.2, electrode=0.2, cubic_per_um2=0.1))),
         ReducedOrder(mode=PLATE.mode, dielectric=Dielectric(thickness_um=0.2, permittivity=4.0)),
     ):
         assert not dispatch.in_series(modes, Losses())
     slipping = Losses(film_viscosity_uPa_s=1.0, film_mean_free_path_um=0.07)
     assert not dispatch.in_series(PLATE, slipping)
-    assert not dispatch.in_series(None, slipping)
+    assert dispatch.in_series(None, slipping)
+    assert dispatch.in_series(ReducedOrder(mode=PLATE.mode[:1]), slipping)
     assert dispatch.in_series(PLATE, Losses(film_viscosity_uPa_s=1.0))
     # An electrode that is nearly the contact: its series would lose digits.
     nearly = ReducedOrder(mode=(PLATE.mode[0], Mode(frequency_kHz=70.0, contact=0.2, electrode=0.2 + 1e-6)))

@@ -262,8 +262,9 @@ def simulate(
     lost = losses if losses is not None else Losses()
     if scales is not None and not (method == "taylor" and dispatch.in_series(modes, lost)):
         raise SimulationError(
-            "drive_volts and drive_times are for what the Taylor kernels simulate (method 'taylor'; one mode, or two "
-            "with plates and a rigid contact; no film that slips): simulate drive by drive"
+            "drive_volts and drive_times are for what the Taylor kernels simulate (method 'taylor'; one mode that "
+            "moves contact and electrode alike, or two between plates with no film that slips; a rigid contact): "
+            "simulate drive by drive"
         )
     out = dispatch.run(
         table,

@@ -15,7 +15,7 @@ from softclose.arrays import FloatArray
 from softclose.kernel import pieces as drive_pieces
 from softclose.kernel import rk, taylor, two_modes
 from softclose.kernel.bounces import MAX_RETURNS
-from softclose.switch.losses import Losses
+from softclose.switch.losses import SLIP, SLIP_EXPONENT, Losses
 from softclose.switch.plate import EPSILON_0, V_STICK
 from softclose.switch.reduced_order import ONE_MODE, ReducedOrder
 from softclose.waveform import AnyDrive, Delivered, Fitted
@@ -81,6 +81,28 @@ def columns(
     return out
 
 
+def shaped_columns(
+    switches: FloatArray,
+    plate_area_um2: float,
+    restitution: float | FloatArray,
+    losses: Losses,
+    modes: ReducedOrder,
+    v_stick: float,
+    scales: Scales | None,
+) -> FloatArray:
+    """(n, 12): `columns`, and cubic stiffness per mass [1/(µm² µs²)], dielectric [µm] and slip of one mode."""
+    out = np.empty((len(switches), 12))
+    out[:, :9] = columns(switches, plate_area_um2, restitution, losses, v_stick, scales)
+    ratios = modes.ratios()[0]
+    own = np.sqrt(1e-3 * switches[:, 2] / switches[:, 3]) * ratios[2]
+    damping = np.broadcast_to(np.asarray(losses.damping_ratio), (len(switches),))
+    out[:, 5] = np.where(damping > 0.0, out[:, 5], own if scales is None else own * scales.times)
+    out[:, 9] = out[:, 3] * ratios[5]
+    out[:, 10] = modes.dielectric.gap_um if modes.dielectric else 0.0
+    out[:, 11] = SLIP * losses.free_path_um**SLIP_EXPONENT if losses.slips else 0.0
+    return out
+
+
 def pairs(
     switches: FloatArray,
     plate_area_um2: float,
@@ -114,15 +136,18 @@ def pairs(
 def in_series(modes: ReducedOrder | None, losses: Losses) -> bool:
     """Whether a switch has a Taylor kernel.
 
-    One mode (None); or two linear ones, plates, a rigid contact, an electrode that is or is not the contact. A film
-    whose gas slips has none: its force is a broken power of the gap.
+    One mode (None, or one whose electrode is its contact), which may stretch, over a dielectric, behind a film that may
+    slip; or two linear ones, plates, an electrode that is or is not the contact. Contacts are rigid.
     """
-    if losses.slips:
-        return False
     if modes is None:
         return True
-    shaped = modes.capacitance is not None or modes.dielectric is not None or modes.contact is not None
-    if len(modes.mode) != two_modes.N_MODES or shaped or modes.ratios()[:, 5].any():
+    if modes.capacitance is not None or modes.contact is not None:
+        return False
+    if len(modes.mode) == 1:
+        return modes.mode[0].electrode == modes.mode[0].contact
+    if len(modes.mode) != two_modes.N_MODES or losses.slips or modes.dielectric is not None:
+        return False
+    if modes.ratios()[:, 5].any():
         return False
     (ca, ea), (cb, eb) = ((m.contact, m.electrode) for m in modes.mode)
     apart = abs(ea * cb - eb * ca) / (math.hypot(ca, cb) * math.hypot(ea, eb))
@@ -216,7 +241,9 @@ def run(
     settings = (rtol, max_steps)
     events = (out.metrics, out.n_impacts, out.closed, out.status, out.impact_time, out.impact_speed)
     work: Callable[[int, int], None]
-    if modes is not None and method == "taylor" and in_series(modes, losses):
+    shaped = losses.slips if modes is None else len(modes.mode) == 1
+    series = method == "taylor" and in_series(modes, losses)
+    if series and not shaped and modes is not None:
         peaks = np.empty((n, two_modes.N_MODES))
         out = replace(out, peaks=peaks)
         table = pairs(switches, plate_area_um2, restitution, losses, modes, v_stick, scales)
@@ -228,7 +255,7 @@ def run(
             scratch = room(flat[0], flat[2]) if form == drive_pieces.DECAYING else _NO_ROOM
             block(lo, hi, table, *flat, *way, *scratch, *settings, times_us, *events, *samples, peaks)
 
-    elif modes is not None or losses.slips or (method == "rk" and not losses.none):
+    elif not series and (modes is not None or not losses.none):
         from softclose.kernel import modal
 
         modes = modes or ONE_MODE
@@ -256,10 +283,17 @@ def run(
             return None
 
     elif method == "taylor":
-        table = columns(switches, plate_area_um2, restitution, losses, v_stick, scales)
+        if shaped:
+            table = shaped_columns(switches, plate_area_um2, restitution, losses, modes or ONE_MODE, v_stick, scales)
+        else:
+            table = columns(switches, plate_area_um2, restitution, losses, v_stick, scales)
+        film = bool(np.any(losses.film_viscosity_uPa_s))
         form, flat, way = _ways(drive, horizon_us, scales)
-        block = taylor.block(form=form, lossy=losses.moving, film=bool(np.any(losses.film_viscosity_uPa_s)))
+        block = taylor.block(form=form, lossy=shaped or losses.moving, film=film, shaped=shaped)
         samples = _samples(out, dtype)
+        peaks = np.empty((n if shaped else 1, 1))
+        if modes is not None:
+            out = replace(out, peaks=peaks)
 
         def work(lo: int, hi: int) -> None:
             scratch = room(flat[0], flat[2]) if form == drive_pieces.DECAYING else _NO_ROOM
@@ -275,6 +309,7 @@ def run(
                 times_us,
                 *events,
                 *samples,
+                peaks,
             )
 
     else:

@@ -17,6 +17,14 @@ from softclose.kernel.drive_series import (
 from softclose.kernel.lossy_series import damped_constant, damped_driven, film_constant, film_driven
 from softclose.kernel.pieces import DECAYING, POLYNOMIAL
 from softclose.kernel.series import constant, drive, flight_constant, flight_driven
+from softclose.kernel.shaped_series import (
+    shaped_constant,
+    shaped_driven,
+    shaped_film_constant,
+    shaped_film_driven,
+    short_shaped_driven,
+    short_shaped_film_driven,
+)
 
 
 @njit(error_model="numpy", inline="always")
@@ -79,4 +87,42 @@ def short(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f
         series = short_damped_driven(x, v, u, gap, c, k, d)
     else:
         series = short_flight_driven(x, v, u, gap, c, k)
+    return series
+
+
+@njit(error_model="numpy", inline="always")
+def steady_shaped(film, u, x, v, gap, c, k, d, f, shape):  # type: ignore[no-untyped-def]
+    """Taylor coefficients of x where u is constant; shape: cubic stiffness, dielectric and slip."""
+    cubic, coat, slip = shape
+    if film:
+        series = shaped_film_constant(x, v, u, gap, c, k, d, cubic, coat, f, slip)
+    else:
+        series = shaped_constant(x, v, u, gap, c, k, d, cubic, coat)
+    return series
+
+
+@njit(error_model="numpy", inline="always")
+def expand_shaped(form, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape):  # type: ignore[no-untyped-def]
+    """Taylor coefficients of x about t on piece i; shape: cubic stiffness, dielectric and slip."""
+    cubic, coat, slip = shape
+    if n_ramps[i] == 0:
+        series = steady_shaped(film, pieces[i, 2], x, v, gap, c, k, d, f, shape)
+    else:
+        u = drive_series(form, pieces, n_ramps, ramps, i, t)
+        if film:
+            series = shaped_film_driven(x, v, u, gap, c, k, d, cubic, coat, f, slip)
+        else:
+            series = shaped_driven(x, v, u, gap, c, k, d, cubic, coat)
+    return series
+
+
+@njit(error_model="numpy", inline="always")
+def short_shaped(form, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape):  # type: ignore[no-untyped-def]
+    """The first few Taylor coefficients of x about t on piece i, which is not constant."""
+    cubic, coat, slip = shape
+    u = drive_series(form, pieces, n_ramps, ramps, i, t)
+    if film:
+        series = short_shaped_film_driven(x, v, u, gap, c, k, d, cubic, coat, f, slip)
+    else:
+        series = short_shaped_driven(x, v, u, gap, c, k, d, cubic, coat)
     return series

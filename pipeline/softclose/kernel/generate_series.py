@@ -1,4 +1,4 @@
-"""Owns series.py, lossy_series.py and drive_series.py: the power series of the fast kernel as straight-line code.
+"""Owns series.py and its companions (`*_series.py`): the power series of the fast kernel as straight-line code.
 
 Loops over short arrays cost 450 ns for one step of order 14; the same sums written out keep every coefficient in a
 register and cost 42 ns (docs/adr/010). Usage: `python -m softclose.kernel.generate_series` rewrites them.
@@ -9,10 +9,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from softclose.switch.losses import SLIP_EXPONENT
+
 TARGET = Path(__file__).with_name("series.py")
 LOSSY = Path(__file__).with_name("lossy_series.py")
 DRIVE = Path(__file__).with_name("drive_series.py")
 MODES = Path(__file__).with_name("modes_series.py")
+SHAPED = Path(__file__).with_name("shaped_series.py")
 ORDER = 16
 """Degree of the Taylor polynomial of x."""
 TERMS = 12
@@ -73,6 +76,21 @@ MODES_HEADER = '''\
 a'' = p F - ka a - da a' and b'' = q F - kb b - db b', F = h (u / (G - e))² - f e' / (G - e)³, e = ea a + eb b: what
 the modes share is the electrode. `blend` is another point that moves with both, `press` and
 `press_under` are the force on a held contact.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softclose.kernel.series import _FAST
+'''
+SHAPED_HEADER = '''\
+"""Owns the power series of a switch whose forces are shaped otherwise. Written by generate_series.py.
+
+x'' = c s² - k x - cubic x³ - d x' - f w with s = u / (G + coat - x): a beam that stretches, over a dielectric. Behind a
+film whose gas slips w g(h) = x' with g = h³ + slip h^(3 - a), h = G - x the film's thickness and a = {exponent}: powers
+of a series, and a quotient, have recurrences as products do. slip: `softclose.switch.losses.SLIP` times the mean free
+path to the power a; 0: g = h³.
 """
 
 from __future__ import annotations
@@ -214,6 +232,43 @@ def lossy_flight(driven: bool, film: bool, order: int, prefix: str = "", given: 
         f"Coefficients 0..{last_power} of x with damping{film_doc}, {at}.",
         lines,
     )
+
+
+def shaped_flight(driven: bool, film: bool, order: int, prefix: str = "", given: int | None = None) -> str:
+    """Cubic stiffness and a dielectric always; with `film` one that may slip. Sums run over x_j, whose sign is h's
+    turned: h = h0 - x1 t - x2 t² - ..."""
+    power = 3.0 - SLIP_EXPONENT
+    lines = [unpack_drive(order, given or order)] if driven else []
+    lines += ["    r0 = 1.0 / (gap + coat - x0)", "    z1 = x1 * r0", f"    s0 = {'u0' if driven else 'u'} * r0"]
+    if film:
+        lines += ["    h0 = gap - x0", "    i0 = 1.0 / h0", "    a0 = h0 * h0"]
+        lines += [f"    e0 = slip * h0**{power!r}", "    j0 = 1.0 / (h0 * a0 + e0)", "    w0 = x1 * j0"]
+    for n in range(order - 1):
+        scale = 1.0 / ((n + 1) * (n + 2))
+        if n:
+            terms = [f"r0 * u{n}"] if driven else []
+            lines.append(statement(f"s{n}", terms + [f"z{j} * s{n - j}" for j in range(1, n + 1)]))
+        lines.append(statement("q", square("s", n)))
+        lines.append(statement(f"y{n}", square("x", n)))
+        lines.append(statement("m", [f"y{j} * x{n - j}" for j in range(n + 1)]))
+        if n and film:
+            inner = [f"x{j} * x{n - j}" for j in range(1, n)]
+            lines.append(statement(f"a{n}", [f"-2.0 * h0 * x{n}", *inner]))
+            lines.append(statement("b", [f"h0 * a{n}", *(f"-x{j} * a{n - j}" for j in range(1, n + 1))]))
+            each = [f"{((power + 1.0) * j - n) / n!r} * x{j} * e{n - j}" for j in range(1, n + 1)]
+            lines.append(statement(f"e{n}", each, head="-i0 * "))
+            lines.append(f"    g{n} = b + e{n}")
+            each = [f"{float(n + 1)} * x{n + 1}", *(f"-g{j} * w{n - j}" for j in range(1, n + 1))]
+            lines.append(statement(f"w{n}", each, head="j0 * "))
+        lines.append(f"    force = 2.0 * c * q - k * x{n} - 2.0 * cubic * m" + (f" - f * w{n}" if film else ""))
+        lines.append(f"    x{n + 2} = force * {scale!r} - d * x{n + 1} * {1.0 / (n + 2)!r}")
+        if n + 2 < order - 1:
+            lines.append(f"    z{n + 2} = x{n + 2} * r0")
+    lines.append(pack(xs(order)))
+    name = prefix + ("shaped_film" if film else "shaped") + ("_driven" if driven else "_constant")
+    at = "where u has the coefficients u[0..]" if driven else "at constant u"
+    doc = f"Coefficients 0..{'SHORT' if prefix else 'ORDER'} of x{', behind a film' if film else ''}, {at}."
+    return function(name, "x0, x1, u, gap, c, k, d, cubic, coat" + (", f, slip" if film else ""), doc, lines)
 
 
 def two(film: bool, order: int) -> str:
@@ -467,8 +522,17 @@ def render_modes(order: int = ORDER) -> str:
     return MODES_HEADER + "".join([*motion, press(order), press_under(order)])
 
 
+def render_shaped(order: int = ORDER, short: int = SHORT) -> str:
+    """The module of stretching, a dielectric and films that slip, short bounces too."""
+    both = (False, True)
+    flights = [shaped_flight(driven, film, order) for film in both for driven in both]
+    flights += [shaped_flight(True, film, short, "short_", order) for film in both]
+    return SHAPED_HEADER.format(exponent=SLIP_EXPONENT) + "".join(flights)
+
+
 if __name__ == "__main__":
     TARGET.write_text(render(), encoding="utf-8")
     LOSSY.write_text(render_lossy(), encoding="utf-8")
     DRIVE.write_text(render_drive(), encoding="utf-8")
     MODES.write_text(render_modes(), encoding="utf-8")
+    SHAPED.write_text(render_shaped(), encoding="utf-8")

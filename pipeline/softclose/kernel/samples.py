@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softclose.kernel.series import sample, sample_single
+from softclose.kernel.series import evaluate, sample, sample_single
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -46,3 +46,12 @@ def sample_until(series, t, until, times, first, row, x64, v64, x32, v32):  # ty
         else:
             sample_single(series, t, times, first, stop, row, x32, v32)
     return stop
+
+
+@njit(error_model="numpy", forceinline=True)
+def peak_of(a0, v0, a1, v1, series, h, peak):  # type: ignore[no-untyped-def]
+    """Largest |a| within a step, to second order in where it turns."""
+    peak = max(peak, abs(a1))
+    if v0 * v1 < 0.0:
+        peak = max(peak, abs(evaluate(series, h * v0 / (v0 - v1))[0]))
+    return peak

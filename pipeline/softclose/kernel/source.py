@@ -26,6 +26,7 @@ _FILES = (
     "rk",
     "taylor",
     "modes_series",
+    "shaped_series",
     "two_modes",
     "modal",
 )

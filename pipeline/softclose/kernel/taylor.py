@@ -17,14 +17,15 @@ from softclose.compiled import cached_njit
 from softclose.kernel.bounces import learn, predict, symmetric_flight
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
 from softclose.kernel.drive_series import SHORT, short_return
-from softclose.kernel.expansion import expand, short, steady
+from softclose.kernel.expansion import expand, expand_shaped, short, short_shaped, steady, steady_shaped
 from softclose.kernel.pieces import COSINES, DECAYING, deliver, voltage
 from softclose.kernel.release import release_time
 from softclose.kernel.results import store
-from softclose.kernel.samples import sample_until, stop_at, write
+from softclose.kernel.samples import peak_of, sample_until, stop_at, write
 from softclose.kernel.series import ORDER, TERMS, bend, bounce_duration, evaluate, flight_time
 from softclose.kernel.source import UNCOUNTED, fingerprint
 from softclose.kernel.step import radius, step_size
+from softclose.switch.losses import SLIP_EXPONENT
 
 WORK_LIMIT = 1
 _SAFETY = 4.0
@@ -39,6 +40,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     form,
     lossy,
     film,
+    shaped,
     travel,
     gap,
     c,
@@ -47,6 +49,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     d,
     f,
     adhesion,
+    shape,
     memo,
     pieces,
     n_ramps,
@@ -65,9 +68,11 @@ def _run_switch(  # type: ignore[no-untyped-def]
     impact_time,
     impact_speed,
 ):
-    """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows.
+    """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status) and the largest |x| until the
+    first impact, which is told where `shaped`; fills the given rows.
 
-    form, lossy, film: known when this is compiled, so that what they leave out is no code.
+    form, lossy, film, shaped: known when this is compiled, so that what they leave out is no code. shape: cubic
+    stiffness per mass [1/(µm² µs²)], dielectric [µm] and slip, read where `shaped`, which is always lossy.
     """
     tolerance = _SAFETY * rtol
     near = 0.3 * math.sqrt(rtol)
@@ -75,11 +80,17 @@ def _run_switch(  # type: ignore[no-untyped-def]
     v_max, first, settled = math.nan, math.inf, math.inf
     held, launched = False, False
     n_impacts, n_steps, status = 0, 0, 0
-    press_voltage = (gap - travel) * math.sqrt(k * travel / c)
+    peak = 0.0
+    if shaped:
+        cubic, coat, slip = shape
+        left, stiff = gap + coat - travel, k + cubic * travel * travel  # to the electrode; of the spring, in contact
+    else:
+        left, stiff = gap - travel, k
+    press_voltage = left * math.sqrt(stiff * travel / c)
     hold_voltage = press_voltage
     if adhesion > 0.0:
-        rest = k * travel - adhesion  # what the voltage has to hold
-        hold_voltage = (gap - travel) * math.sqrt(rest / c) if rest > 0.0 else -1.0
+        rest = stiff * travel - adhesion  # what the voltage has to hold
+        hold_voltage = left * math.sqrt(rest / c) if rest > 0.0 else -1.0
     force = drag = launch = launched_at = 0.0
     n_returns, sure = 0, True
     n_times, i_time = times.shape[0], 0
@@ -89,8 +100,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
         bounce_limit = -1.0
         bounce = _NO_BOUNCE
         if lossy:
-            force = c * (pieces[i, 2] / (gap - travel)) ** 2 - k * travel
-            drag = d + f / (gap - travel) ** 3
+            force = c * (pieces[i, 2] / left) ** 2 - stiff * travel
+            drag = d
+            if shaped and film:
+                drag += f / ((gap - travel) ** 3 + slip * (gap - travel) ** (3.0 - SLIP_EXPONENT))
+            elif film:
+                drag += f / (gap - travel) ** 3
             launch, n_returns, sure = 0.0, 0, False
         while t < end and status == 0:
             if held:
@@ -109,7 +124,10 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if n_steps > max_steps:
                 status = WORK_LIMIT
                 break
-            series = expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
+            if shaped:
+                series = expand_shaped(form, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape)
+            else:
+                series = expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
             h = step_size(series, tolerance)
             if launched and v == 0.0:
                 h = min(h, _RELEASE_STEP_US)
@@ -120,7 +138,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
             tau, speed = NONE, 0.0
             if lossy:
                 # From a maximum on the plate falls, losses hold it back, and x'' >= -k travel as without them.
-                reaches = k * h * h > 1.0 or x1 + 0.5 * k * travel * h * h >= travel
+                reaches = stiff * h * h > 1.0 or x1 + 0.5 * stiff * travel * h * h >= travel
             else:
                 # Below the contact x'' >= -k travel, so between its ends x exceeds the higher by at most k travel h²/8.
                 reaches = max(x, x1) + 0.125 * k * travel * h * h >= travel
@@ -137,10 +155,13 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 i_time = sample_until(series, t, t_next, times, i_time, row, x64, v64, x32, v32)
             t = t_next
             if tau == NONE:
+                if shaped and n_impacts == 0:
+                    peak = peak_of(x, v, x1, v1, series, h, peak)
                 x, v = x1, v1
                 continue
             if n_impacts == 0:
                 first, v_max = t, speed
+                peak = max(peak, travel)
             v_max = max(v_max, speed)
             if n_impacts < n_events:
                 impact_time[event_row, n_impacts] = t
@@ -156,7 +177,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
                         break
                     # A bounce that is short beside everything else needs few powers.
                     n_steps += 1
-                    brief = short(form, lossy, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f)
+                    if shaped:
+                        brief = short_shaped(
+                            form, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f, shape
+                        )
+                    else:
+                        brief = short(form, lossy, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f)
                     tau, speed = short_return(brief, rtol)
                     if tau <= 0.0 or t + tau > end or n_steps > max_steps:
                         break
@@ -210,7 +236,10 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 # For the samples only: what is reported does not depend on it. A bounce may take several steps.
                 ts, xs, vs = t, x, v
                 while i_time < n_times and times[i_time] <= t_next:
-                    series = steady(lossy, film, pieces[i, 2], xs, vs, gap, c, k, d, f)
+                    if shaped:
+                        series = steady_shaped(film, pieces[i, 2], xs, vs, gap, c, k, d, f, shape)
+                    else:
+                        series = steady(lossy, film, pieces[i, 2], xs, vs, gap, c, k, d, f)
                     h = step_size(series, tolerance)
                     until = t_next if h >= t_next - ts else ts + h
                     i_time = sample_until(series, ts, until, times, i_time, row, x64, v64, x32, v32)
@@ -226,10 +255,10 @@ def _run_switch(  # type: ignore[no-untyped-def]
         x, v, held, settled = math.nan, math.nan, False, math.inf
     if i_time < n_times:
         write(row, i_time, n_times, x, v, x64, v64, x32, v32)
-    return v_max, first, settled, n_impacts, x, v, held, status
+    return v_max, first, settled, n_impacts, x, v, held, status, peak
 
 
-def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., None]:
+def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool) -> Callable[..., None]:
     @cached_njit(nogil=True, error_model="numpy", **UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
         lo,
@@ -257,12 +286,14 @@ def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., Non
         v64,
         x32,
         v32,
+        peaks,
     ):
         """Switches lo..hi-1 of `devices`, each on its own; outputs are rows of whole arrays.
 
         devices: (n, 9) travel, gap [µm], c, k, restitution, damping [1/µs], film [µm³/µs], adhesion [µm/µs²] and
-        v_stick [µm/µs], all forces per mass; losses are read where there are any. memo: (3, MAX_RETURNS) for what is in
-        work.
+        v_stick [µm/µs], all forces per mass; losses are read where there are any. Where `shaped`, three more: cubic
+        stiffness, dielectric and slip as `_run_switch` has them, and peaks (n, 1) is filled.
+        memo: (3, MAX_RETURNS) for what is in work.
         form: of the drive. `DECAYING`: pieces, n_ramps and ramps are the command, and path, scales (1 or n, 3) and the
         out_ arrays what `deliver_flat` takes; one row of scales is for all.
         Samples go to x64 and v64, or to x32 and v32 where those have no columns: one compiled variant for both, so the
@@ -280,10 +311,12 @@ def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., Non
                 n_pieces = deliver(i, pieces, n_ramps, ramps, path, scales, out_pieces, out_n, out_ramps)
             row = i if times.shape[0] > 0 else 0
             event_row = i if impact_time.shape[1] > 0 else 0
+            shape = (devices[i, 9], devices[i, 10], devices[i, 11]) if shaped else (0.0, 0.0, 0.0)
             found = _run_switch(
                 form,
                 lossy,
                 film,
+                shaped,
                 devices[i, 0],
                 devices[i, 1],
                 devices[i, 2],
@@ -292,6 +325,7 @@ def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., Non
                 devices[i, 5],
                 devices[i, 6],
                 devices[i, 7],
+                shape,
                 memo,
                 pieces_,
                 n_,
@@ -311,11 +345,13 @@ def _build(source: int, form: int, lossy: bool, film: bool) -> Callable[..., Non
                 impact_speed,
             )
             store(i, found, metrics, n_impacts, closed, status)
+            if shaped:
+                peaks[i, 0] = found[8]
 
     return cast("Callable[..., None]", run_block)
 
 
 @lru_cache
-def block(*, form: int, lossy: bool, film: bool) -> Callable[..., None]:
-    """`run_block` for such drives and losses; each is compiled where it is first used, and cached."""
-    return _build(fingerprint(), form, lossy, film)
+def block(*, form: int, lossy: bool, film: bool, shaped: bool = False) -> Callable[..., None]:
+    """`run_block` for such drives, losses and forces; each is compiled where it is first used, and cached."""
+    return _build(fingerprint(), form, lossy, film, shaped)

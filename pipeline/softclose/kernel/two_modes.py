@@ -21,7 +21,7 @@ from softclose.kernel.expansion import drive_series, expand
 from softclose.kernel.modes_series import at_rest, blend, press, press_under, two, two_film
 from softclose.kernel.pieces import DECAYING, deliver, voltage
 from softclose.kernel.results import store
-from softclose.kernel.samples import sample_until, stop_at, write
+from softclose.kernel.samples import peak_of, sample_until, stop_at, write
 from softclose.kernel.series import ORDER, bend, constant, evaluate
 from softclose.kernel.source import UNCOUNTED, fingerprint
 from softclose.kernel.step import step_of, step_size
@@ -42,15 +42,6 @@ N_COLUMNS = 17
 """Travel, gap [µm], restitution, v_stick [µm/µs], adhesion [mN], half the plate's area times the permittivity
 [mN µm²/V²], film [mN µm² µs]; and of both modes mass [µg], k/m [1/µs²], damping rate [1/µs], participation of contact
 and of electrode."""
-
-
-@njit(error_model="numpy", forceinline=True)
-def _peak(a0, v0, a1, v1, series, h, peak):  # type: ignore[no-untyped-def]
-    """Largest |a| within a step, to second order in where it turns."""
-    peak = max(peak, abs(a1))
-    if v0 * v1 < 0.0:
-        peak = max(peak, abs(evaluate(series, h * v0 / (v0 - v1))[0]))
-    return peak
 
 
 @njit(error_model="numpy", inline="always")
@@ -204,8 +195,8 @@ def _run_switch(  # type: ignore[no-untyped-def]
             a1, va1 = evaluate(series_a, h)
             b1, vb1 = evaluate(series_b, h)
             if n_impacts == 0:
-                peak_a = _peak(a, va, a1, va1, series_a, h, peak_a)
-                peak_b = _peak(b, vb, b1, vb1, series_b, h, peak_b)
+                peak_a = peak_of(a, va, a1, va1, series_a, h, peak_a)
+                peak_b = peak_of(b, vb, b1, vb1, series_b, h, peak_b)
             a, va, b, vb, t = a1, va1, b1, vb1, t_next
             if not ea * a + eb * b < closest:
                 status = COLLAPSED
