@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from softclose import Losses, Pulse, Waveform, load_population, read_reduced_order, simulate
+from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, read_reduced_order, simulate
+from softclose.switch.reduced_order import Dielectric, Mode
 from softclose.waveform import AnyDrive, Delivered
 
 WAVEFORMS = {
@@ -36,6 +37,10 @@ def kinds(waveform: Waveform, n: int) -> dict[str, tuple[AnyDrive, dict[str, Any
     q = Losses(quality_factor=20.0)
     with resources.as_file(resources.files("softclose.presets") / "modes" / "plate.toml") as path:
         plate = read_reduced_order(path)
+    bridge = ReducedOrder(
+        mode=(Mode(frequency_kHz=20.0, cubic_per_um2=0.1),), dielectric=Dielectric(thickness_um=0.3, permittivity=3.9)
+    )
+    slips = Losses(film_viscosity_uPa_s=2.0, film_mean_free_path_um=0.065)
     closing = list(waveform.pulses)
     last = closing[-1]
     let_go = Pulse(last.start_us, last.rise_us, 150.0 - last.start_us - last.rise_us, last.volts)
@@ -55,6 +60,8 @@ def kinds(waveform: Waveform, n: int) -> dict[str, tuple[AnyDrive, dict[str, Any
         "first order, Q 20": (first, {"losses": q}),
         "opening with a brake": (brake, {"horizon_us": 350.0}),
         "opening with a brake, Q 20": (brake, {"horizon_us": 350.0, "losses": q}),
+        "stretching, on a dielectric": (waveform, {"modes": bridge}),
+        "film of 2 µPa s that slips": (waveform, {"losses": slips}),
         "two modes": (waveform, {"modes": plate}),
         "two modes, film of 0.5 µPa s": (waveform, {"modes": plate, "losses": Losses(film_viscosity_uPa_s=0.5)}),
         "two modes, first order": (first, {"modes": plate}),
