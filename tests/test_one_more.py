@@ -30,6 +30,7 @@ from softclose_store import open_campaign
 from softclose_workflows.report import sections
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
+from softclose_workflows.tell.assumptions import assumptions
 
 CONFIG = load_config({})
 
@@ -48,6 +49,10 @@ class Ageing(Condition):
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
         return (Coordinate(name="age", stream=Stream.TIMING, parts=("age",)),)
+
+    @classmethod
+    def assumed(cls, settings: Any) -> list[str]:
+        return [f"Springs of {settings.name} have aged."]
 
     def lot(self, lot: Lot, u: Uniforms) -> Lot:
         loss = 0.1 * np.abs(ndtri(np.clip(u["age"][:, 0], 1e-9, 1 - 1e-9)))
@@ -85,6 +90,7 @@ def test_one_more_condition_is_known_to_every_analysis_that_draws_or_simulates()
     aged_lot = draw(config, 500, seed=0, ensemble=2)
     fast = np.nan_to_num(respond(config, aged_lot, DRIVE).max_contact_speed) > 0.2
     assert rare.probability == fast.mean()
+    assert f"Springs of {config.campaign.name} have aged." in assumptions(config)
 
 
 def test_one_more_drive_error_is_a_column_that_a_condition_reads() -> None:

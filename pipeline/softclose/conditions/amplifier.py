@@ -238,6 +238,11 @@ class Amplifier(Condition):
         """Always there: a lot may bring gains of its own."""
         return cls(settings)
 
+    @classmethod
+    def assumed(cls, a: AmplifierSection) -> list[str]:
+        """What it rests on."""
+        return [_delivering(a), *_varying(a)]
+
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
         """Two, where drives scatter."""
@@ -278,3 +283,26 @@ class Amplifier(Condition):
     def deliver(self, command: Waveform, horizon_us: float, gain: float) -> AnyDrive:
         """What of a command reaches a switch."""
         return deliver(self.settings, command, horizon_us, gain)
+
+
+def _delivering(a: AmplifierSection) -> str:
+    if a.is_ideal:
+        return "The amplifier is ideal: each switch sees exactly the voltage that is commanded."
+    facts = [
+        *([f"bandwidth {a.bandwidth_kHz:g} kHz (order {a.order})"] if a.bandwidth_kHz else []),
+        *([f"slew rate {a.slew_volts_per_us:g} V/µs"] if a.slew_volts_per_us else []),
+        *([f"gain {a.gain:g}"] if a.gain != 1.0 else []),
+        *([f"offset {a.offset_volts:g} V"] if a.offset_volts else []),
+        *([f"delay {a.delay_us:g} µs"] if a.delay_us else []),
+        *([f"resolution {a.resolution_volts:g} V"] if a.resolution_volts else []),
+        *([f"sample time {a.resolution_us:g} µs"] if a.resolution_us else []),
+    ]
+    return f"The amplifier is simulated: {', '.join(facts)}."
+
+
+def _varying(a: AmplifierSection) -> list[str]:
+    facts = [
+        *([f"gain by {100 * a.gain_error:g} %"] if a.gain_error else []),
+        *([f"clock by {100 * a.time_error:g} %"] if a.time_error else []),
+    ]
+    return [f"From one drive to the next the {' and the '.join(facts)} vary (standard deviation)."] if facts else []

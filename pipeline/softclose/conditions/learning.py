@@ -19,7 +19,7 @@ from softclose.arrays import FloatArray
 from softclose.conditions.amplifier import normal_quantiles
 from softclose.conditions.protocol import Condition, Coordinate, Surroundings, Uniforms
 from softclose.conditions.streams import Stream
-from softclose.conditions.trim import Trim, TrimSection, trim_of, within_limits
+from softclose.conditions.trim import Trim, TrimSection, own_drives, trim_of, within_limits
 from softclose.device.drives import Drives
 from softclose.device.told import sobol_switches
 from softclose.population.lot import Lot
@@ -171,6 +171,14 @@ class TailoredByLearning(Condition):
     def of(cls, settings: Any, around: Surroundings) -> Self | None:
         """None where something else is measured."""
         return cls(settings, around) if settings.measured == "contact times" else None
+
+    @classmethod
+    def assumed(cls, t: TrimSection) -> list[str]:
+        """What it rests on."""
+        if t.measured != "contact times":
+            return []
+        what = f"{t.actuations} actuations a part, each contact timed to {t.contact_time_error_us:g} µs"
+        return [own_drives(t, what)]
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]

@@ -88,6 +88,20 @@ class UncertainModel(Condition):
         """None where the model is taken to be right."""
         return None if settings.none else cls(settings)
 
+    @classmethod
+    def assumed(cls, e: ModelErrorSection) -> list[str]:
+        """What it rests on."""
+        facts = [
+            *([f"its force by {100 * e.force:g} %"] if e.force else []),
+            *([f"its times by {100 * e.time:g} %"] if e.time else []),
+        ]
+        if not facts:
+            return []
+        said = f"The device model may be off for the whole lot, {' and '.join(facts)} (standard deviation)"
+        if e.counts == "worst":
+            return [f"{said}: each switch counts at its worst of either error up to {e.reach:g} standard deviations."]
+        return [f"{said}: the figures are those of the lots that it may be, weighed alike."]
+
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
         """Two, where lots that it may be count alike."""

@@ -64,6 +64,11 @@ class Condition:
         """The condition that a section of the configuration stands for; None where it stands for none."""
         raise NotImplementedError
 
+    @classmethod
+    def assumed(cls, settings: Any) -> list[str]:
+        """What a reader of the figures has to believe of it, in sentences; its section as it is, also without it."""
+        return []
+
     def lot(self, lot: Lot, u: Uniforms) -> Lot:
         """What it makes of a lot; row i depends on row i alone."""
         return lot

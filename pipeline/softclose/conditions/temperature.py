@@ -135,6 +135,16 @@ class Temperature(Condition):
         """None without tables."""
         return cls(settings) if settings.celsius else None
 
+    @classmethod
+    def assumed(cls, t: TemperatureSection) -> list[str]:
+        """What it rests on."""
+        if not t.celsius:
+            return []
+        span = f"from {t.low_C:g} to {t.high_C:g} °C"
+        if t.worst_of:
+            return [f"Each switch counts at the worst of {t.worst_of} temperatures {span}."]
+        return [f"Each switch has a temperature of its own {span}."]
+
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]
         """One for the temperature of each switch."""

@@ -237,6 +237,12 @@ def _regression(trim: Trim) -> FloatArray:
     return np.asarray(np.round(np.linalg.lstsq(table, wanted, rcond=None)[0].T, 9))
 
 
+def own_drives(t: TrimSection, what: str) -> str:
+    """What drives of its own for each switch rest on. what: is measured of a part."""
+    shared = f"; parts of the same of {t.bins} bins share a drive" if t.bins else ""
+    return f"Every switch is driven by its own scaled copy of the waveform ({t.scaled}), which needs {what}{shared}."
+
+
 def limited(scales: Scales, *, peak_V: float, max_volts: float, shortest_rise_us: float, min_rise_us: float) -> Scales:
     """Scales that keep a waveform within the drive's limits: a peak / max_volts at most 1, a rise at least as long.
 
@@ -297,6 +303,17 @@ class Tailored(Condition):
     def of(cls, settings: Any, around: Surroundings) -> Self | None:
         """None where pull-in voltage and resonance are not measured."""
         return cls(settings, around) if settings.measured not in ("nothing", "contact times") else None
+
+    @classmethod
+    def assumed(cls, t: TrimSection) -> list[str]:
+        """What it rests on."""
+        what = {
+            "pull-in": f"one measurement a part: its pull-in voltage, to {100 * t.pull_in_error:g} %",
+            "resonance": f"one measurement a part: its resonance, to {100 * t.resonance_error:g} %",
+            "pull-in and resonance": f"two measurements a part: its pull-in voltage, to {100 * t.pull_in_error:g} %, "
+            f"and its resonance, to {100 * t.resonance_error:g} %",
+        }.get(t.measured)
+        return [] if what is None else [own_drives(t, what)]
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:  # type: ignore[override]

@@ -109,7 +109,7 @@ def read_table(path: str | Path, choose: Choose, *, plausible: Doubt = lambda ta
         )
         line = (a if row < len(a.lines) else b).lines[row]
         raise TableError(
-            f"{path} can be read in two ways. FileLine {line}: {name} is {_at(a, name, row)} by {a.said}, "
+            f"{path} can be read in two ways. Line {line}: {name} is {_at(a, name, row)} by {a.said}, "
             f"{_at(b, name, row)} by {b.said}. Write decimal points, and nothing between thousands"
         )
     if different:

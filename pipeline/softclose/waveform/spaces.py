@@ -61,7 +61,7 @@ class NaturalScales:
         min_rise_us: float = MIN_RISE_US,
         horizon_us: float = 250.0,
     ) -> NaturalScales:
-        """NaturalScales of one switch: (4,) D, G [µm], K [N/m], M [µg], the population's mean as a rule."""
+        """Scales of one switch: (4,) D, G [µm], K [N/m], M [µg], the population's mean as a rule."""
         mean = np.asarray(switch, dtype=np.float64)
         travel, gap, stiffness, mass = (float(v) for v in mean)
         c = EPSILON_0 * 1e6 * plate_area_um2 / (2000.0 * mass)
