@@ -173,7 +173,10 @@ def schema_page() -> str:
         "## Result groups",
         "",
         "Written by `softclose certify`, by campaigns that design an opening, and by `softclose assess --keep`. Their "
-        "attributes say what was asked for.",
+        "attributes say what was asked for. Those in `trajectories` hold the motion behind them: of every release that "
+        "was tried, and of every actuation by which a trim learns, unless `store.trials` is false; of a certificate "
+        "where `softclose certify --store-trajectories` asks for it. `x` and `v` have an axis `time`, or "
+        "`release_time`. `mode_x` and `mode_v` of further modes, and `case_…` of several cases, are as in a stage.",
         "",
         "| group | array | meaning |",
         "| --- | --- | --- |",
@@ -258,6 +261,33 @@ RESULT_ARRAYS = {
         "training_n_switches": "size of the training ensemble",
         **{c.name: f"of each fresh switch: {c.long_name} [{c.unit}]" for c in COLUMNS.values()},
         **_RELEASE,
+    },
+    "trajectories/release-…": {
+        "trial": "in order; 0: without a brake",
+        "switch": "index of the switch in the campaign",
+        "release_time": "time since the fall began [µs]",
+        "parameter": "columns of a waveform",
+        "release_waveform": "the whole drive of each trial: start, rise, peak [µs], volts of each pulse",
+        "cost": "what the brake is chosen by; 10: above the largest voltage, and not simulated",
+        "x": "travel of each switch in each trial [µm]",
+        "v": "its velocity [µm/µs]",
+    },
+    "trajectories/actuations": {
+        "actuation": "in order; the last is the one that is timed",
+        "switch": "index of the switch in the campaign",
+        "time": "time since the step starts [µs]",
+        "volts": "step of each switch [V]",
+        "first_contact": "its first contact [µs]; inf: never",
+        "x": "travel of each switch in each actuation [µm]",
+        "v": "its velocity [µm/µs]",
+    },
+    "trajectories/certification-…/…": {
+        "fresh_switch": "index of the switch, which is none of the campaign's",
+        "time": "instants of the motion [µs]; `release_time` since the fall began, where it is an opening",
+        "waveform": "start, rise, peak [µs], volts of each pulse",
+        "parameter": "columns of a waveform",
+        "x": "travel of each switch [µm]",
+        "v": "its velocity [µm/µs]",
     },
     "opening/…": {"switch": "index of the switch in the campaign", **_RELEASE},
     "traces/…": {

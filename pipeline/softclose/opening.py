@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +45,8 @@ GENERATION = 12
 """CMA-ES population size of the brake's search."""
 LEAST_HELD = 10
 """Switches that have to be held when the fall begins, for a lot to be judged."""
+TOO_HIGH = 10.0
+"""What a brake pays that would need more than the campaign's largest voltage."""
 REBOUND_COST = 1.0
 """What a brake pays for each switch that touches again, in travels of overshoot."""
 
@@ -160,6 +162,33 @@ def let_go(
 
 
 @dataclass(frozen=True, slots=True)
+class Trial:
+    """A waveform that is tried in the search for a brake."""
+
+    number: int
+    """0: without a brake."""
+    sent: Sent
+    lot: Lot
+    waveform: Waveform
+    at_us: float
+
+    @property
+    def is_allowed(self) -> bool:
+        """Whether the campaign's largest voltage is kept; what does not is not simulated."""
+        return self.waveform.max_voltage(self.at_us + 1e4) <= self.sent.config.waveform.max_volts
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """What came of a trial."""
+
+    cost: float
+    """What the brake pays."""
+    kept: Mapping[str, str] = field(default_factory=dict)
+    """Whatever the attempt says beside it."""
+
+
+@dataclass(frozen=True, slots=True)
 class _Let:
     """Switches that are let go at once."""
 
@@ -170,8 +199,14 @@ class _Let:
 
 
 def _let_go(piece: _Let) -> Released:
-    config, lot, waveform, at_us = piece.sent.config, piece.lot, piece.waveform, piece.at_us
-    times = np.linspace(0.0, config.opening.watch_us, LOOKS + 1)
+    return watched(piece.sent.config, piece.lot, piece.waveform, piece.at_us)[0]
+
+
+def watched(
+    config: CampaignConfig, lot: Lot, waveform: Waveform, at_us: float, *, further_modes: bool = False
+) -> tuple[Released, list[Responses]]:
+    """What switches do after the drop, and in each case their motion at `looks_us` after it; see `let_go`."""
+    times = looks_us(config)
     each = respond_each(
         config,
         lot,
@@ -179,6 +214,7 @@ def _let_go(piece: _Let) -> Released:
         horizon_us=at_us + float(times[-1]),
         times_us=at_us + times,
         max_impacts=256,
+        **({"further_modes": True} if further_modes else {}),
     )
     chain = chain_of(config)
     slower = drives_of(chain, lot, waveform).times
@@ -186,7 +222,12 @@ def _let_go(piece: _Let) -> Released:
     modes = chain.device.modes
     soft = modes is not None and modes.contact is not None
     seen = [_seen(waveform, case, found, at_us, times, slower, soft) for case, found in cases]
-    return reduce(_worse, seen)
+    return reduce(_worse, seen), each
+
+
+def looks_us(config: CampaignConfig) -> FloatArray:
+    """Instants at which a lot is watched, from the begin of the fall [µs]."""
+    return np.linspace(0.0, config.opening.watch_us, LOOKS + 1)
 
 
 def _seen(
@@ -286,6 +327,8 @@ def design_brake(
     budget: int = 300,
     seed: int = 1,
     mapper: Mapper = here,
+    attempt: Callable[[Trial], Tried] | None = None,
+    told: Callable[[Trial, Tried], None] | None = None,
     listener: Callable[[int, int], None] | None = None,
 ) -> Waveform:
     """A braking pulse after the fall, by CMA-ES on one training ensemble: start, rise, top and volts.
@@ -303,6 +346,10 @@ def design_brake(
         Of the search.
     mapper : Mapper
         Who simulates: the waveforms of a generation are a piece each.
+    attempt : callable, optional
+        What tries a waveform, wherever the mapper has it done; `tried`, where it is to do nothing beside.
+    told : callable, optional
+        Told each trial and what came of it, in order; the first is the waveform without a brake.
     listener : callable, optional
         Told (done, all).
 
@@ -324,11 +371,15 @@ def design_brake(
 
     sent = Sent(config)
 
-    def costs_of(candidates: Sequence[Waveform]) -> Iterator[float]:
-        return mapper(_cost, [_Let(sent, lot, candidate, at_us) for candidate in candidates])
+    def costs_of(first: int, candidates: Sequence[Waveform]) -> Iterator[float]:
+        trials = [Trial(first + i, sent, lot, candidate, at_us) for i, candidate in enumerate(candidates)]
+        for trial, found in zip(trials, mapper(attempt or tried, trials), strict=True):
+            if told is not None:
+                told(trial, found)
+            yield found.cost
 
     draw = np.random.default_rng(np.random.SeedSequence([seed, BRAKE]))
-    best, least, done = waveform, next(costs_of([waveform])), 1
+    best, least, done = waveform, next(costs_of(0, [waveform])), 1
     descent = strategy(np.array([0.4, 0.3, 0.2, 0.4]), np.ones(4), 0.25, GENERATION, draw)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -336,7 +387,7 @@ def design_brake(
             points = descent.ask()
             candidates = [drive(p) for p in points]
             costs = []
-            for candidate, found in zip(candidates, costs_of(candidates), strict=True):
+            for candidate, found in zip(candidates, costs_of(done, candidates), strict=True):
                 costs.append(found)
                 done += 1
                 if found < least:
@@ -347,10 +398,14 @@ def design_brake(
     return best
 
 
-def _cost(piece: _Let) -> float:
-    """What a brake pays on a lot."""
-    config = piece.sent.config
-    if piece.waveform.max_voltage(piece.at_us + 1e4) > config.waveform.max_volts:
-        return 10.0
-    o = judge_opening(config, piece.lot, piece.waveform, at_us=piece.at_us)
+def tried(trial: Trial) -> Tried:
+    """Try a brake."""
+    config = trial.sent.config
+    if not trial.is_allowed:
+        return Tried(TOO_HIGH)
+    return Tried(cost_of(judge_opening(config, trial.lot, trial.waveform, at_us=trial.at_us)))
+
+
+def cost_of(o: Opening) -> float:
+    """What a brake pays that opens a lot so."""
     return o.overshoot + REBOUND_COST * (o.p_rebound.estimate + o.p_stuck.estimate)

@@ -27,6 +27,9 @@ POINTS = (
 )
 """Every durability step, in the order of a wave's life: its blocks, the rows of its records, its commit."""
 
+PART_POINT = "inside-part"
+"""Before each part of a group that is written a part at a time: trajectories of releases, actuations, certificates."""
+
 PRIOR_POINTS = ("finding-basins", "before-basins", "inside-group", "after-basins")
 """The steps of a prior's basins, before the first wave: of a campaign that has one. `inside-group` is passed before
 each file of any result group."""

@@ -33,6 +33,7 @@ from softclose_store.disk.files import (
 from softclose_store.disk.names import is_safe
 from softclose_store.errors import StoreError, StoreExistsError
 from softclose_store.listing import list_groups_again
+from softclose_store.parts import Parts, options
 from softclose_store.read.result_groups import check_name, metadata_of
 from softclose_store.schema import digests
 from softclose_store.schema.group_metadata import COPY_NAME, FILES, NAME, GroupMetadata
@@ -59,6 +60,7 @@ def write_group(
     arrays: Mapping[str, GroupArray],
     attributes: Mapping[str, Any],
     *,
+    parts: Mapping[str, Parts] | None = None,
     replace: bool = False,
 ) -> None:
     """Add a result group to a store, as a whole or not at all.
@@ -76,6 +78,8 @@ def write_group(
         What it holds.
     attributes : mapping
         Plain JSON values.
+    parts : mapping of str to Parts, optional
+        Further arrays, whose parts are written already.
     replace : bool
         Put it in the place of one of this name.
 
@@ -93,15 +97,17 @@ def write_group(
     root = read_root(open_files(path, read_only=True), where)
     if root.is_own(name):
         raise StoreError(f"the group {name!r} would fall into one of the campaign's own; use another name")
-    for key in arrays:
+    parts = parts or {}
+    for key in (*arrays, *parts):
         if not is_safe(key) or "/" in key:
             raise StoreError(f"array {key!r} of group {name} cannot be stored; a name is made of letters, digits and _")
     files = open_files(path, read_only=False, durable=bool(root.attributes["durable"]))
     last = f"{name}/zarr.json"
     if not replace and read_key(files, last) is not None:
         raise StoreExistsError(f"{where} has a group {name} already; give it another name")
-    contents = _build(name, arrays, attributes)
+    contents = _build(name, arrays, attributes, parts)
     contents.pop("zarr.json")
+    written = {f"{name}/{member}" for array in parts.values() for member in array.files}
     parents = set(parents_of(name))
     known = metadata_of(files, name, list_keys(files)) if replace else None
     old = [] if known is None else known.keys
@@ -115,7 +121,7 @@ def write_group(
         if key not in parents or read_key(files, key) is None:
             write_key(files, key, contents[key])
     for key in old:
-        if key not in contents:
+        if key not in contents and key not in written:
             delete_key(files, key)
     list_groups_again(path)
 
@@ -126,7 +132,9 @@ def parents_of(name: str) -> list[str]:
     return [f"{'/'.join(parts[:n])}/zarr.json" for n in range(1, len(parts))]
 
 
-def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str, Any]) -> dict[str, bytes]:
+def _build(
+    name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str, Any], parts: Mapping[str, Parts]
+) -> dict[str, bytes]:
     buffers: dict[str, Buffer] = {}
     group = zarr.create_group(MemoryStore(buffers))
     result = group.create_group(name)
@@ -152,6 +160,8 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
             attributes={"units": array.unit, "long_name": array.long_name},
         )
         stored[...] = values
+    for key, part in parts.items():
+        result.create_array(key, **options(part.array, part.shape))
     contents = {key: value.to_bytes() for key, value in buffers.items()}
     own = f"{name}/zarr.json"
     document = json.loads(contents[own])
@@ -160,7 +170,7 @@ def _build(name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str,
         key.removeprefix(f"{name}/"): digests.sha256(content)
         for key, content in contents.items()
         if key.startswith(f"{name}/") and key != own
-    }
+    } | {member: digest for part in parts.values() for member, digest in part.files.items()}
     metadata = GroupMetadata(name, document)
     if arrays:
         member = f"{min(arrays)}/{COPY_NAME}"

@@ -202,6 +202,23 @@ def test_the_normalisation_of_a_mode_shape_changes_nothing() -> None:
     assert a.max_contact_speed[0] == pytest.approx(b.max_contact_speed[0], rel=1e-7)
 
 
+def test_each_further_mode_has_its_own_motion() -> None:
+    modes = [Mode(frequency_kHz=20.0), *(Mode(frequency_kHz=f, contact=0.2, electrode=0.1) for f in (60.0, 110.0))]
+    common: dict[str, Any] = {"times_us": np.linspace(0.0, 100.0, 101), "horizon_us": 100.0, "further_modes": True}
+    table = MEAN * np.array([[1.0, 1.0, 1.0, 1.0], [1.02, 1.0, 0.95, 1.05]])
+    one = simulate(table, HARD, method="rk", modes=ReducedOrder(mode=tuple(modes)), **common)
+    two = simulate(table, HARD, method="rk", modes=ReducedOrder(mode=(modes[0], *modes[:0:-1])), **common)
+    assert one.mode_x is not None
+    assert one.mode_v is not None
+    assert two.mode_x is not None
+    early = common["times_us"] < np.nanmin(one.first_contact_us)
+    np.testing.assert_allclose(one.mode_x[:, ::-1, early], two.mode_x[:, :, early], atol=1e-7)
+    assert np.abs(one.mode_x[:, 0, early] - one.mode_x[:, 1, early]).max() > 1e-3
+    # Speeds are slopes: of a smooth part, by central differences.
+    slopes = np.gradient(one.mode_x[:, 0, early], common["times_us"][early], axis=-1)
+    np.testing.assert_allclose(one.mode_v[:, 0, early][:, 2:-2], slopes[:, 2:-2], atol=5e-3)
+
+
 def test_rows_depend_on_nothing_else() -> None:
     switches = load_population("current").sample(9, seed=5)
     modes = ReducedOrder(mode=TWO)

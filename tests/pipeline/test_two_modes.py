@@ -25,6 +25,12 @@ PLATE = ReducedOrder(
         Mode(frequency_kHz=70.0, quality_factor=50.0, contact=0.2, electrode=0.2),
     )
 )
+TILTED = ReducedOrder(
+    mode=(
+        Mode(frequency_kHz=20.0, mass_ug=3.4, quality_factor=40.0, contact=2.0, electrode=1.8),
+        Mode(frequency_kHz=70.0, mass_ug=1.0, quality_factor=25.0, contact=0.3, electrode=0.15),
+    )
+)
 BEAM = ReducedOrder(
     mode=(
         Mode(frequency_kHz=20.0, mass_ug=3.4, quality_factor=40.0, contact=2.0, electrode=1.8),
@@ -111,6 +117,60 @@ def test_a_second_mode_that_nothing_moves_is_none() -> None:
     found, plain = simulate(switches, HARD, modes=still, max_impacts=12), simulate(switches, HARD, max_impacts=12)
     np.testing.assert_allclose(found.max_contact_speed, plain.max_contact_speed, atol=1e-7)
     np.testing.assert_allclose(found.impact_speed, plain.impact_speed, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+@pytest.mark.parametrize("modes", [PLATE, TILTED])
+@pytest.mark.parametrize("drive", [HARD, RELEASED, Delivered(command=HARD, bandwidth_kHz=60.0)])
+def test_parts_of_the_modes_sum_up_to_the_motion(modes: ReducedOrder, method: Any, drive: Any) -> None:
+    """The same switches, told from their second mode on: what was the first mode's part is the further one's then."""
+    table = np.random.default_rng(3).uniform((2.2, 3.6, 55.0, 3.0), (2.6, 3.9, 75.0, 3.8), size=(12, 4))
+    mass, stiffness, _, contact, _, _ = modes.ratios()[1]
+    mass /= contact**2  # as if it moved the contact by 1
+    other = ReducedOrder(mode=modes.mode[::-1])
+    turned = table * np.array([1.0, 1.0, mass * stiffness, mass])
+    common: dict[str, Any] = {"times_us": np.linspace(0.0, 250.0, 501), "method": method, "max_volts": 1e3}
+    one = simulate(table, drive, modes=modes, further_modes=True, **common)
+    two = simulate(turned, drive, modes=other, further_modes=True, **common)
+    assert one.mode_x is not None
+    assert one.mode_v is not None
+    assert two.mode_x is not None
+    assert two.mode_v is not None
+    assert one.mode_x.shape == (12, 1, 501)
+    ok = (one.status == 0) & (two.status == 0) & (one.n_impacts == two.n_impacts)
+    assert ok.sum() > 6
+    for parts, whole in (
+        ((one.mode_x, two.mode_x), one.x),
+        ((one.mode_v, two.mode_v), one.v),
+    ):
+        assert np.abs(parts[0][ok]).max() > 1e-3
+        off = np.abs(parts[0][ok, 0] + parts[1][ok, 0] - np.asarray(whole)[ok])
+        assert np.quantile(off, 0.99) < 1e-6  # an instant beside an impact may lie before it in one of the two
+        assert off.max() < 2e-3 if whole is one.x else True
+    single = simulate(table, drive, modes=modes, further_modes=True, dtype=np.float32, **common)
+    np.testing.assert_allclose(single.mode_x, one.mode_x, atol=1e-6)
+    np.testing.assert_allclose(single.mode_v, one.mode_v, atol=1e-5)
+
+
+def test_further_modes_are_told_where_they_are_asked_for_and_change_nothing() -> None:
+    table = np.array([[2.43, 3.68, 65.3, 3.41], [2.5, 3.7, 60.0, 3.3]])
+    common: dict[str, Any] = {"modes": BEAM, "times_us": np.linspace(0.0, 250.0, 101)}
+    plain, asked = simulate(table, HARD, **common), simulate(table, HARD, further_modes=True, **common)
+    assert plain.mode_x is None
+    assert plain.mode_v is None
+    assert np.asarray(plain.x).tobytes() == np.asarray(asked.x).tobytes()
+    assert np.asarray(plain.v).tobytes() == np.asarray(asked.v).tobytes()
+    assert simulate(table, HARD, modes=BEAM, further_modes=True).mode_x is None
+    assert simulate(table, HARD, times_us=[1.0], further_modes=True).mode_x is None
+    twice = {"drive_volts": np.array([1.0, 1.05]), "drive_times": np.array([1.0, 1.2])}
+    scaled = simulate(table, HARD, further_modes=True, **twice, **common)
+    slow = Waveform([Pulse(0, 4.8, 13.8, 126), Pulse(28.8, 14.4, math.inf, 78.75)])
+    times = {**common, "times_us": 1.2 * common["times_us"], "horizon_us": 300.0}
+    alone = simulate(table[1:], slow, further_modes=True, **times)
+    np.testing.assert_allclose(scaled.mode_x[1], alone.mode_x[0], atol=1e-6)  # type: ignore[index]
+    np.testing.assert_allclose(scaled.mode_v[1], alone.mode_v[0], atol=1e-5)  # type: ignore[index]
+    labelled = asked.to_xarray()
+    assert labelled["mode_v"].dims == ("switch", "further_mode", "time")
 
 
 def test_scaled_commands_and_columns_are_those_of_each_switch() -> None:

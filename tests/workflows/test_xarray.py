@@ -43,7 +43,7 @@ SETTINGS = (
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = make_campaign(tmp_path_factory.mktemp("whole") / "a.zarr", *SETTINGS)
-    certify(path, n_switches=100, top=2)
+    certify(path, n_switches=100, top=2, store_trajectories=True)
     design_at_the_end(path, mapper=here, quiet=True)
     return path
 
@@ -63,7 +63,12 @@ def test_everything_is_in_the_tree_and_on_the_page(store: str, tree: Any) -> Non
             assert f"`{str(name).removeprefix('off_') if name != 'off_switch' else name}`" in page, (node.path, name)
             assert array.attrs.get("long_name"), (node.path, name)
             assert array.attrs.get("units"), (node.path, name)
-    known = {"certification/…": tree["certification/100-1"], "opening/…": tree[f"opening/{best.candidate}"]}
+    known = {
+        "certification/…": tree["certification/100-1"],
+        "opening/…": tree[f"opening/{best.candidate}"],
+        "trajectories/release-…": tree[f"trajectories/release-{best.candidate}"],
+        "trajectories/certification-…/…": tree["trajectories/certification-100-1/unshaped"],
+    }
     for group, node in known.items():
         missing = set(reference_pages.RESULT_ARRAYS[group]) - set(node.variables) - set(COLUMNS)
         assert missing == set(), group

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from softclose.device.told import sobol_switches
 from softclose.population.lot import Lot
 from softclose.population.population import index_uniforms
 from softclose.waveform import Pulse, Waveform
+
+if TYPE_CHECKING:
+    from softclose.device.simulate import Responses
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]
 """(switches (n, 4), volts (n,) of each one's step) -> (n,) first contact [µs], infinite where it never touches."""
@@ -49,6 +52,11 @@ def step(rise_us: float) -> Waveform:
     return Waveform([Pulse(0.0, rise_us, math.inf, STEP_VOLTS)])
 
 
+def timed_of(actuations: int) -> int:
+    """How many of so many actuations are timed."""
+    return min(MOST_TIMED, max(1, actuations // 3))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol:
     """How a switch is actuated to learn what it is like."""
@@ -65,7 +73,7 @@ class Protocol:
     @property
     def timed(self) -> int:
         """Actuations that are timed, the last ones."""
-        return min(MOST_TIMED, max(1, self.actuations // 3))
+        return timed_of(self.actuations)
 
 
 def training_switches(trim: Trim) -> FloatArray:
@@ -114,6 +122,16 @@ def actuate(touch: Touch, switches: FloatArray, protocol: Protocol, u: FloatArra
     z = normal_quantiles(u)
     timed = touch(switches, OVERDRIVE * threshold) + protocol.error_us / math.sqrt(protocol.timed) * z
     return np.column_stack([threshold, np.maximum(timed, 1e-3)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Actuation:
+    """One actuation of a lot."""
+
+    volts: FloatArray
+    """(n,) step of each switch [V]."""
+    response: Responses
+    """What they did."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,7 +213,32 @@ class TailoredByLearning(Condition):
 
         They take place where the lot is as the population has it, before temperature and scatter of drives.
         """
-        return actuate(_touch(self.around), lot.switches, self.learned.protocol, u)
+        return actuate(_touch(self.around), lot.switches, self.protocol, u)
+
+    @property
+    def protocol(self) -> Protocol:
+        """How a switch of this lot is actuated."""
+        return _protocol(self.settings, self.around)
+
+    @property
+    def n_motions(self) -> int:
+        """Different motions among the actuations of a switch: those that are timed repeat one."""
+        return self.settings.actuations - timed_of(self.settings.actuations) + 1
+
+    def actuations(self, lot: Lot, **outputs: Any) -> list[Actuation]:
+        """The motions behind what `told` says, in the order in which they are made.
+
+        lot: as `told` is given it; outputs: of `Device.respond`.
+        """
+        made: list[Actuation] = []
+
+        def touch(switches: FloatArray, volts: FloatArray) -> FloatArray:
+            found = _stepped(self.around, switches, volts, **outputs)
+            made.append(Actuation(volts=np.minimum(volts, self.around.max_volts), response=found))
+            return found.first_contact_us
+
+        actuate(touch, lot.switches, self.protocol, np.full(len(lot), 0.5))  # errors of timing change no motion
+        return made
 
     def lot(self, lot: Lot, u: Uniforms) -> Lot:
         """With what the actuations told, and the scales that follow from it."""
@@ -217,21 +260,25 @@ class TailoredByLearning(Condition):
 def _touch(around: Surroundings) -> Touch:
     """How the campaign's switches answer steps, each of its own voltage within the drive's limit."""
 
-    def touch(switches: FloatArray, volts: FloatArray) -> FloatArray:
-        highest = np.minimum(volts, around.max_volts) / STEP_VOLTS
-        drives = Drives(command=step(around.min_rise_us), volts=highest, delivery=around.delivery)
-        return around.device.respond(Lot.of(switches), drives).first_contact_us
+    return lambda switches, volts: _stepped(around, switches, volts).first_contact_us
 
-    return touch
+
+def _stepped(around: Surroundings, switches: FloatArray, volts: FloatArray, **outputs: Any) -> Responses:
+    highest = np.minimum(volts, around.max_volts) / STEP_VOLTS
+    drives = Drives(command=step(around.min_rise_us), volts=highest, delivery=around.delivery)
+    return around.device.respond(Lot.of(switches), drives, **outputs)
 
 
 @lru_cache(maxsize=8)
-def _learned(settings: TrimSection, around: Surroundings) -> Learned:
-    trim = trim_of(settings, around)
-    protocol = protocol_of(
-        trim,
+def _protocol(settings: TrimSection, around: Surroundings) -> Protocol:
+    return protocol_of(
+        trim_of(settings, around),
         actuations=settings.actuations,
         error_us=settings.contact_time_error_us,
         max_volts=around.max_volts,
     )
-    return Learned.of(trim, protocol, _touch(around))
+
+
+@lru_cache(maxsize=8)
+def _learned(settings: TrimSection, around: Surroundings) -> Learned:
+    return Learned.of(trim_of(settings, around), _protocol(settings, around), _touch(around))

@@ -69,6 +69,10 @@ class Responses:
     """(n, n_time) travel [µm]."""
     v: NDArray[Any] | None = None
     """(n, n_time) velocity [µm/µs]; just before the impact where an instant is exactly one."""
+    mode_x: NDArray[Any] | None = None
+    """(n, n_modes - 1, n_time) parts of the second and further modes in x [µm]; None where they were not asked for."""
+    mode_v: NDArray[Any] | None = None
+    """(n, n_modes - 1, n_time) parts of them in v [µm/µs]."""
     asked: FloatArray | None = None
     """(n, k) what else a campaign asks for of each switch (`softclose.evaluate.asked`), NaN where it has none."""
 
@@ -141,6 +145,8 @@ _LABELS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "mode_peak_um": (("mode",), "µm", "largest displacement by each mode until the first impact"),
     "x": (("time",), "µm", "travel"),
     "v": (("time",), "µm/µs", "velocity"),
+    "mode_x": (("further_mode", "time"), "µm", "part of each further mode in the travel"),
+    "mode_v": (("further_mode", "time"), "µm/µs", "part of each further mode in the velocity"),
 }
 """Variable -> its dimensions beside the switch, its unit, what it is."""
 
@@ -165,6 +171,7 @@ def simulate(
     modes: ReducedOrder | None = None,
     drive_volts: FloatArray | None = None,
     drive_times: FloatArray | None = None,
+    further_modes: bool = False,
 ) -> Responses:
     """Integrate Eqs. 1-2 for every switch under one waveform; with losses or several modes, what takes their place.
 
@@ -212,6 +219,8 @@ def simulate(
         What the volts and the times of each switch's command are multiplied by; of a delivered drive the command's, its
         way does not scale. A switch is seen until its own horizon, the time scale times `horizon_us`, and sampled at as
         many times `times_us`. The Taylor kernels take them.
+    further_modes : bool
+        Sample the second and further modes by themselves, too.
 
     Returns
     -------
@@ -283,6 +292,7 @@ def simulate(
         losses=lost,
         modes=modes,
         scales=scales,
+        further_modes=further_modes and times_us is not None,
     )
     if scales is not None:
         _unscale(out, scales.times)
@@ -302,6 +312,8 @@ def simulate(
         times_us=times if sampled else None,
         x=(out.x if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
         v=(out.v if len(times) else np.zeros((n, 0), dtype=dtype)) if sampled else None,
+        mode_x=out.mode_x if len(times) else None,
+        mode_v=out.mode_v if len(times) else None,
     )
 
 
@@ -419,6 +431,8 @@ def _unscale(out: dispatch.KernelOutput, times: FloatArray) -> None:
     for values, factor in ((out.impact_time, times), (out.impact_speed, 1.0 / times), (out.v, 1.0 / times)):
         if values.shape[1]:
             values *= factor[:, None].astype(values.dtype)
+    if out.mode_v is not None and out.mode_v.shape[2]:
+        np.multiply(out.mode_v, (1.0 / times)[:, None, None].astype(out.mode_v.dtype), out=out.mode_v)
 
 
 def _restitution(value: float | FloatArray, n: int) -> float | FloatArray:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from softclose.arrays import FloatArray
+from softclose.conditions.learning import Actuation, TailoredByLearning
 from softclose.conditions.protocol import Coordinate, Uniforms
 from softclose.conditions.streams import Ensemble, Stream
 from softclose.device.told import switches_of
@@ -82,16 +84,44 @@ def realise(
     if design:
         changed = config.build_population().with_means(design)
         config = replace(config, population_model=changed.to_dict())
+    lot = _drawn(config, u, population)
+    for condition in chain_of(config).conditions:
+        lot = condition.lot(lot, u)
+    return lot
+
+
+def actuations(
+    config: CampaignConfig, n: int, *, seed: int, sampling: Sampling = "monte-carlo", start: int = 0, **outputs: Any
+) -> list[Actuation]:
+    """The actuations by which a trim learns what switches `start` to `start + n` of the training ensemble are like.
+
+    seed, sampling, start: those of `draw`; outputs: of the device model, such as `times_us`. [] where nothing is
+    actuated.
+    """
+    u = uniforms(config, n, seed=seed, sampling=sampling, start=start)
+    lot = _drawn(config, u, None)
+    for condition in chain_of(config).conditions:
+        if isinstance(condition, TailoredByLearning):
+            return condition.actuations(lot, **outputs)
+        lot = condition.lot(lot, u)
+    return []
+
+
+def n_actuations(config: CampaignConfig) -> int:
+    """Motions of each switch among its actuations; 0 where nothing is actuated."""
+    learns = [c for c in chain_of(config).conditions if isinstance(c, TailoredByLearning)]
+    return learns[0].n_motions if learns else 0
+
+
+def _drawn(config: CampaignConfig, u: Uniforms, population: Population | None) -> Lot:
+    """The lot before any condition."""
     chain = chain_of(config)
     drawn = chain.around.population if population is None else population
     parameters = drawn.quantile(u[OWN])
     switches = switches_of(drawn, chain.device, parameters)
     columns: dict[str, FloatArray] = dict(zip(drawn.variables, parameters.T, strict=True))
     columns |= dict(zip(DEVICE_COLUMNS, switches.T, strict=True))
-    lot = Lot(columns, plate_area_um2=drawn.plate_area_um2)
-    for condition in chain.conditions:
-        lot = condition.lot(lot, u)
-    return lot
+    return Lot(columns, plate_area_um2=drawn.plate_area_um2)
 
 
 def draw(

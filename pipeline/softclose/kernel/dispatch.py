@@ -42,6 +42,9 @@ class KernelOutput:
     impact_speed: FloatArray
     x: NDArray[Any]
     v: NDArray[Any]
+    mode_x: NDArray[Any] | None = None
+    """(n, n_modes - 1, n_times) parts of the further modes in x; None where they are not wanted."""
+    mode_v: NDArray[Any] | None = None
     peaks: FloatArray | None = None
     """(n, n_modes) largest displacement by each mode until the first impact [µm]."""
 
@@ -196,10 +199,21 @@ def _ways(drive: AnyDrive, horizon_us: float, scales: Scales | None) -> tuple[in
     return drive_pieces.DECAYING, flatten_pulses(drive.command, horizon_us), (drive.path(horizon_us), rows)
 
 
-def _samples(out: KernelOutput, dtype: type[Any]) -> tuple[NDArray[Any], ...]:
+def _samples(x: NDArray[Any], v: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     """x and v in float64, and in float32, of which one pair is empty."""
-    unused = np.empty((1, 0), dtype=np.float32 if dtype == np.float64 else np.float64)
-    return (out.x, out.v, unused, unused) if dtype == np.float64 else (unused, unused, out.x, out.v)
+    unused = np.empty((1, 0), dtype=np.float32 if x.dtype == np.float64 else np.float64)
+    return (x, v, unused, unused) if x.dtype == np.float64 else (unused, unused, x, v)
+
+
+def _further(out: KernelOutput, n_modes: int, wanted: bool) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Room for the parts of the further modes in x and v; without instants where they are not wanted."""
+    n_rows, n_times = out.x.shape if wanted else (1, 0)
+    shape = (n_rows, n_modes - 1, n_times)
+    return np.empty(shape, dtype=out.x.dtype), np.empty(shape, dtype=out.x.dtype)
+
+
+def _kept(mode_x: NDArray[Any], mode_v: NDArray[Any], wanted: bool) -> dict[str, Any]:
+    return {"mode_x": mode_x, "mode_v": mode_v} if wanted else {}
 
 
 def run(
@@ -220,6 +234,7 @@ def run(
     losses: Losses,
     modes: ReducedOrder | None,
     scales: Scales | None,
+    further_modes: bool = False,
 ) -> KernelOutput:
     """Integrate every switch. Inputs are valid already (`device.simulate`). Each switch is computed on its own.
 
@@ -245,11 +260,12 @@ def run(
     series = method == "taylor" and in_series(modes, losses)
     if series and not shaped and modes is not None:
         peaks = np.empty((n, two_modes.N_MODES))
-        out = replace(out, peaks=peaks)
+        mode_x, mode_v = _further(out, two_modes.N_MODES, further_modes)
+        out = replace(out, peaks=peaks, **_kept(mode_x, mode_v, further_modes))
         table = pairs(switches, plate_area_um2, restitution, losses, modes, v_stick, scales)
         form, flat, way = _ways(drive, horizon_us, scales)
         block = two_modes.block(form=form, film=bool(np.any(losses.film_viscosity_uPa_s)))
-        samples = _samples(out, dtype)
+        samples = (*_samples(out.x, out.v), *_samples(mode_x[:, 0], mode_v[:, 0]))
 
         def work(lo: int, hi: int) -> None:
             scratch = room(flat[0], flat[2]) if form == drive_pieces.DECAYING else _NO_ROOM
@@ -260,7 +276,9 @@ def run(
 
         modes = modes or ONE_MODE
         peaks = np.empty((n, len(modes.mode)))
-        out = replace(out, peaks=peaks)
+        wanted = further_modes and len(modes.mode) > 1
+        motion = _further(out, len(modes.mode), wanted)
+        out = replace(out, peaks=peaks, **_kept(*motion, wanted))
         block = modal.block(len(modes.mode))
         table, *shared = _modal_inputs(switches, plate_area_um2, losses, modes)
         ratios, damping, eta = modes.ratios(), losses.damping_ratio, restitution
@@ -270,9 +288,8 @@ def run(
             own = ratios.copy()
             if lost > 0.0:
                 own[:, 2] = lost
-            block(
-                lo, hi, table, own, *shared, *flat, rebound, v_stick, *settings, times_us, *events, out.x, out.v, peaks
-            )
+            samples = (out.x, out.v, *motion)
+            block(lo, hi, table, own, *shared, *flat, rebound, v_stick, *settings, times_us, *events, *samples, peaks)
 
         def work(lo: int, hi: int) -> None:
             if np.ndim(damping) == np.ndim(eta) == 0:
@@ -290,7 +307,7 @@ def run(
         film = bool(np.any(losses.film_viscosity_uPa_s))
         form, flat, way = _ways(drive, horizon_us, scales)
         block = taylor.block(form=form, lossy=shaped or losses.moving, film=film, shaped=shaped)
-        samples = _samples(out, dtype)
+        samples = _samples(out.x, out.v)
         peaks = np.empty((n if shaped else 1, 1))
         if modes is not None:
             out = replace(out, peaks=peaks)

@@ -138,6 +138,26 @@ def _dense(f, start, theta):  # type: ignore[no-untyped-def]
     return y + start
 
 
+@njit(error_model="numpy")
+def _sample_mode(i, n, K, y, work, t, h, f, times, first, stop, part, mode_x, mode_v):  # type: ignore[no-untyped-def]
+    """The part of mode i in x and v at times[first:stop] of a step of length h from t, by its dense output."""
+    for k in range(2):
+        start, end = y[k * n + i], work[k * n + i]
+        slope, slope_end = K[0, k * n + i], K[LAST, k * n + i]
+        f[k, 0] = end - start
+        f[k, 1] = h * slope - (end - start)
+        f[k, 2] = 2.0 * (end - start) - h * (slope + slope_end)
+        for r in range(4):
+            d = 0.0
+            for s in range(STAGES):
+                d += DENSE[r, s] * K[s, k * n + i]
+            f[k, 3 + r] = h * d
+    for j in range(first, stop):
+        fraction = (times[j] - t) / h
+        mode_x[i - 1, j] = part * _dense(f[0], y[i], fraction)
+        mode_v[i - 1, j] = part * _dense(f[1], y[n + i], fraction)
+
+
 @njit(error_model="numpy", forceinline=True)
 def _extremes(x0, v0, x1, v1, h):  # type: ignore[no-untyped-def]
     """Smallest and largest x of the cubic through both ends of a step, with their slopes."""
@@ -201,6 +221,8 @@ def _run_switch(  # type: ignore[no-untyped-def]
     times,
     x_out,
     v_out,
+    mode_x,
+    mode_v,
     impact_time,
     impact_speed,
     peaks,
@@ -209,6 +231,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     work,
     fx,
     fv,
+    fm,
 ):
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status); fills the given rows."""
     travel, gap, _half_area, film, adhesion, modes, contact, knots, _slopes_of, shrink, coat, _free_path = switch
@@ -331,6 +354,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
                     theta = _first_root(fx, x0, fv, v0, travel, 1.0 if state == FREE else -1.0)
                 if theta >= 0.0:
                     t_next = min(t + theta * hs, end)
+                if mode_x.shape[1] > 0 and sampled:
+                    stop = i_time
+                    while stop < n_times and times[stop] <= t_next:
+                        stop += 1
+                    for i in range(1, n):
+                        _sample_mode(i, n, K, y, work, t, hs, fm, times, i_time, stop, modes[i, 3], mode_x, mode_v)
                 while i_time < n_times and times[i_time] <= t_next:
                     fraction = (times[i_time] - t) / hs
                     x_out[i_time] = _dense(fx, x0, fraction)
@@ -413,6 +442,10 @@ def _run_switch(  # type: ignore[no-untyped-def]
         v += modes[i, 3] * y[n + i]
     if status != 0:
         x, v, state = math.nan, math.nan, FREE
+    if mode_x.shape[1] > 0:
+        for i in range(1, n):
+            mode_x[i - 1, i_time:] = modes[i, 3] * y[i] if status == 0 else math.nan
+            mode_v[i - 1, i_time:] = modes[i, 3] * y[n + i] if status == 0 else math.nan
     while i_time < n_times:
         x_out[i_time] = x
         v_out[i_time] = v
@@ -446,6 +479,8 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
         impact_speed,
         x_out,
         v_out,
+        mode_x,
+        mode_v,
         peaks,
         scratch,
     ):
@@ -455,18 +490,20 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
         [mN µm³ µs/µm], adhesion [mN], mass [µg], stiffness [mN/µm] of the first mode, nominal gap over gap,
         thickness over permittivity of a dielectric, mean free path [µm]; ratios: (n_modes, 6) mass, stiffness over mass
         and damping rate over frequency as parts of the first mode's, participations in contact and electrode, cubic
-        stiffness over stiffness [1/µm²]; contact: (4,) stiffness, exponent, loss, dashpot [mN µs/µm]; scratch: (26, 7
-        or 2 n_modes) for what is in work.
+        stiffness over stiffness [1/µm²]; contact: (4,) stiffness, exponent, loss, dashpot [mN µs/µm]; mode_x, mode_v:
+        (n, n_modes - 1, n_times) parts of the further modes in x and v, no times where they are not wanted; scratch:
+        (28, 7 or 2 n_modes) for what is in work.
         """
         if source < 0:  # never: closes over the fingerprint, see source.py
             return
         n2 = 2 * n_modes
         K, y, work = scratch[: STAGES + 1, :n2], scratch[17, :n2], scratch[18, :n2]
-        fx, fv = scratch[19], scratch[20]
-        modes = scratch[21:].reshape(-1)[: 6 * n_modes].reshape(n_modes, 6)
+        fx, fv, fm = scratch[19], scratch[20], scratch[21:23]
+        modes = scratch[23:].reshape(-1)[: 6 * n_modes].reshape(n_modes, 6)
         for i in range(lo, hi):
             row = i if impact_time.shape[1] > 0 else 0
             out = i if times.shape[0] > 0 else 0
+            further = i if mode_x.shape[2] > 0 else 0
             first_k = devices[i, 6] / devices[i, 5]
             for j in range(n_modes):
                 modes[j, 0] = ratios[j, 0] * devices[i, 5]
@@ -501,6 +538,8 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
                 times,
                 x_out[out],
                 v_out[out],
+                mode_x[further],
+                mode_v[further],
                 impact_time[row],
                 impact_speed[row],
                 peaks[i],
@@ -509,6 +548,7 @@ def _build(source: int, n_modes: int) -> Callable[..., None]:
                 work,
                 fx,
                 fv,
+                fm,
             )
             store(i, found, metrics, n_impacts, closed, status)
 
@@ -521,6 +561,6 @@ def block(n_modes: int) -> Callable[..., None]:
     compiled = _build(fingerprint(), n_modes)
 
     def run(*arguments: Any) -> None:
-        compiled(*arguments, np.zeros((26, max(7, 2 * n_modes))))
+        compiled(*arguments, np.zeros((28, max(7, 2 * n_modes))))
 
     return run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from softclose.kernel.modes_series import blend
 from softclose.kernel.series import evaluate, sample, sample_single
 
 
@@ -55,3 +56,10 @@ def peak_of(a0, v0, a1, v1, series, h, peak):  # type: ignore[no-untyped-def]
     if v0 * v1 < 0.0:
         peak = max(peak, abs(evaluate(series, h * v0 / (v0 - v1))[0]))
     return peak
+
+
+@njit(error_model="numpy")
+def sample_further(series, at, by, t, until, times, first, row, x64, v64, x32, v32):  # type: ignore[no-untyped-def]
+    """Sample at + by times the polynomial. Not inlined: whoever wants no further mode pays nothing for it."""
+    scaled = blend(series, series, by, 0.0)
+    sample_until((at + scaled[0], *scaled[1:]), t, until, times, first, row, x64, v64, x32, v32)

@@ -21,7 +21,7 @@ from softclose.kernel.expansion import drive_series, expand
 from softclose.kernel.modes_series import at_rest, blend, press, press_under, two, two_film
 from softclose.kernel.pieces import DECAYING, deliver, voltage
 from softclose.kernel.results import store
-from softclose.kernel.samples import peak_of, sample_until, stop_at, write
+from softclose.kernel.samples import peak_of, sample_further, sample_until, stop_at, write
 from softclose.kernel.series import ORDER, bend, constant, evaluate
 from softclose.kernel.source import UNCOUNTED, fingerprint
 from softclose.kernel.step import step_of, step_size
@@ -62,6 +62,11 @@ def _run_switch(  # type: ignore[no-untyped-def]
     v64,
     x32,
     v32,
+    further,
+    m64,
+    w64,
+    m32,
+    w32,
     event_row,
     impact_time,
     impact_speed,
@@ -116,6 +121,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     n_impacts, n_steps, status = 0, 0, 0
     n_times, i_time = times.shape[0], 0
     n_events = impact_time.shape[1]
+    wants = m64.shape[1] > 0 or m32.shape[1] > 0
     for i in range(n_pieces):
         t, end = pieces[i, 0], pieces[i, 1]
         while t < end and status == 0:
@@ -147,6 +153,9 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 t_next = end if last else t + h
                 if tau >= 0.0:
                     h, t_next = tau, min(t + tau, end)
+                if wants and i_time < n_times:
+                    at, by = cb * b_rest, cb * nb
+                    sample_further(series, at, by, t, t_next, times, i_time, further, m64, w64, m32, w32)
                 if i_time < n_times:
                     stop = stop_at(times, i_time, t_next)
                     write(row, i_time, stop, travel, 0.0, x64, v64, x32, v32)
@@ -190,6 +199,8 @@ def _run_switch(  # type: ignore[no-untyped-def]
             t_next = end if last else t + h
             if tau != NONE:
                 h, t_next = tau, min(t + tau, end)
+            if wants and i_time < n_times:
+                sample_further(series_b, 0.0, cb, t, t_next, times, i_time, further, m64, w64, m32, w32)
             if i_time < n_times:
                 i_time = sample_until(c, t, t_next, times, i_time, row, x64, v64, x32, v32)
             a1, va1 = evaluate(series_a, h)
@@ -232,11 +243,14 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 held, launched, rests, settled = True, False, False, t
                 x, v = (b - b_rest) / nb, vb / nb
     if held:
+        b, vb = b_rest + nb * x, nb * v
         x, v = travel, 0.0
     else:
         x, v = ca * a + cb * b, ca * va + cb * vb
     if status != 0:
-        x, v, held, settled = math.nan, math.nan, False, math.inf
+        x, v, b, vb, held, settled = math.nan, math.nan, math.nan, math.nan, False, math.inf
+    if wants and i_time < n_times:
+        write(further, i_time, n_times, cb * b, cb * vb, m64, w64, m32, w32)
     if i_time < n_times:
         write(row, i_time, n_times, x, v, x64, v64, x32, v32)
     peaks[which, 0], peaks[which, 1] = abs(ca) * peak_a, abs(cb) * peak_b
@@ -270,9 +284,16 @@ def _build(source: int, form: int, film: bool) -> Callable[..., None]:
         v64,
         x32,
         v32,
+        m64,
+        w64,
+        m32,
+        w32,
         peaks,
     ):
-        """Switches lo..hi-1 of `devices` (n, N_COLUMNS); the rest is as in `taylor.run_block`. peaks: (n, 2)."""
+        """Switches lo..hi-1 of `devices` (n, N_COLUMNS); the rest is as in `taylor.run_block`. peaks: (n, 2).
+
+        m64, w64 or m32, w32: (n, n_times) part of the second mode in x and v; no times where they are not wanted.
+        """
         if source < 0:  # never: closes over the fingerprint, see source.py
             return
         n_pieces = pieces.shape[0]
@@ -284,6 +305,7 @@ def _build(source: int, form: int, film: bool) -> Callable[..., None]:
             if form == DECAYING and (i == lo or scales.shape[0] > 1):
                 n_pieces = deliver(i, pieces, n_ramps, ramps, path, scales, out_pieces, out_n, out_ramps)
             row = i if times.shape[0] > 0 else 0
+            further = i if max(m64.shape[1], m32.shape[1]) > 0 else 0
             event_row = i if impact_time.shape[1] > 0 else 0
             found = _run_switch(
                 form,
@@ -302,6 +324,11 @@ def _build(source: int, form: int, film: bool) -> Callable[..., None]:
                 v64,
                 x32,
                 v32,
+                further,
+                m64,
+                w64,
+                m32,
+                w32,
                 event_row,
                 impact_time,
                 impact_speed,

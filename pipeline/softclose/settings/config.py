@@ -387,6 +387,16 @@ class CampaignConfig:
         """Cases in which every switch is simulated under a waveform."""
         return max(len(self.temperature.tried), 1) * self.model_error.n_cases
 
+    @property
+    def n_kept_cases(self) -> int:
+        """How often a switch is stored under a waveform: in each of several cases, and as what counts of them."""
+        return 1 if self.n_cases == 1 else 1 + self.n_cases
+
+    @property
+    def n_modes(self) -> int:
+        """Modes of each switch whose motion is simulated; 1 where the device model tells of none."""
+        return len(self.reduced_order_model["mode"]) if self.model.name == REDUCED_ORDER else 1
+
     def _choose_blocks(self) -> None:
         """Write the automatic choice out: a later version may choose otherwise, and a store must not notice."""
         if not self.compute.block_switches:

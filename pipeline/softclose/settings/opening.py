@@ -20,7 +20,7 @@ class OpeningSection:
 
     release_us: Annotated[float, Field(ge=0, le=MAX_HORIZON_US)] = 0.0
     """Begin of the fall of the holding pulse [µs], at model.horizon_us or later; 0: the opening is not designed."""
-    brake: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 300
+    brake: Annotated[int, Field(ge=0, le=20_000, strict=True)] = 300
     """Waveforms tried for a braking pulse after the fall of the best candidate; 0: it falls as it is."""
     n_switches: Annotated[int, Field(ge=10, le=MAX_COUNT, strict=True)] = 500
     """Switches of the training ensemble that the brake is designed on, all of a smaller one."""

@@ -50,3 +50,5 @@ class StoreSection:
     """Impact events kept per switch; n_impacts counts all of them."""
     durable: bool = False
     """Sync every commit to the disk, against loss of power."""
+    trials: bool = True
+    """Whether the motion under each trial of a brake, and in each actuation by which a trim learns, is kept, too."""

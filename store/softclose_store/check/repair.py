@@ -35,6 +35,7 @@ from softclose_store.disk.lock import LOCK_KEY, DriverLock
 from softclose_store.disk.names import checked_member, is_partial
 from softclose_store.errors import DamageError, StoreError
 from softclose_store.listing import PLAIN_GROUP, list_groups_again
+from softclose_store.parts import unfinished_parts
 from softclose_store.read.arrays import UNREADABLE, described, read_array
 from softclose_store.read.described import DescribedFiles, never
 from softclose_store.read.result_groups import group_problems, metadata_of
@@ -181,7 +182,8 @@ def _clear(path: StorePath, keys: Sequence[str], log: _Log) -> None:
 def remove_orphans(path: StorePath) -> list[str]:
     """Delete the temporary files that a kill left behind; returns their keys. For stores that nobody is writing."""
     files = open_files(path, read_only=False)
-    orphans = [key for key in list_keys(files) if is_partial(key)]
+    keys = list_keys(files)
+    orphans = [*(key for key in keys if is_partial(key)), *unfinished_parts(keys)]
     for key in orphans:
         delete_key(files, key)
     return orphans

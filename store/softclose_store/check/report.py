@@ -49,7 +49,8 @@ class Report:
     problems: tuple[Damage, ...]
     """All damage."""
     orphans: tuple[str, ...]
-    """Temporary files that a kill left behind: harmless, `remove_orphans` deletes them."""
+    """What a kill left behind, temporary files and trajectories of no group (yet): harmless, `remove_orphans` deletes
+    them."""
     extension: int = 0
     """Candidates that the campaign will have once an extension is complete that was cut off; 0 where none was."""
 

@@ -17,6 +17,7 @@ from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partia
 from softclose_store.errors import DamageError, StoreError, StoreMissingError
 from softclose_store.groups import parents_of, result_groups
 from softclose_store.listing import PLAIN_GROUP, listing_problems
+from softclose_store.parts import unfinished_parts
 from softclose_store.read.arrays import UNREADABLE, chunk_keys, described, read_array
 from softclose_store.read.blocks import BlockReader, markers_digest
 from softclose_store.read.described import DescribedFiles, never
@@ -115,7 +116,7 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
         n_committed=n_committed,
         n_blocks=check.n_blocks,
         problems=tuple(check.problems),
-        orphans=tuple(key for key in keys if is_partial(key)),
+        orphans=tuple(sorted({*(key for key in keys if is_partial(key)), *unfinished_parts(keys)})),
         extension=0
         if check.extension is None
         else layout_without_times(check.extension.attributes["layout"]).n_candidates,
@@ -449,6 +450,7 @@ def _node_type(check: _Check, key: str) -> str:
 def _check_files(check: _Check, keys: list[str], layout: Layout, n: int) -> None:
     """Every file must belong to something."""
     check.expected |= {chunk_key(name, i, 0) for name in TABLES for i in range(layout.n_table_chunks)}
+    check.expected |= set(unfinished_parts(keys))
     for key in keys:
         if key in check.expected or is_partial(key) or _may_be_pending(layout, key, n) or _holds_nothing(check, key):
             continue

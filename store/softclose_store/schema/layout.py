@@ -47,7 +47,7 @@ CANDIDATES, POPULATION, RUNTIME = "candidates", "population", "runtime"
 """Groups beside the stages: the tables, a row a candidate; the ensemble; who ran the campaign. xarray's trees want
 dimensions of one name and two lengths in groups beside one another, never one inside the other."""
 OWN_GROUPS = (CANDIDATES, POPULATION, RUNTIME)
-RESERVED = frozenset({*OWN_GROUPS, "certification", "opening", "traces", "prior"})
+RESERVED = frozenset({*OWN_GROUPS, "certification", "opening", "traces", "trajectories", "prior"})
 """Names at a store's root that no stage may take."""
 CASE_PREFIX = "case_"
 """Arrays of a stage that hold the same in every case begin with this."""

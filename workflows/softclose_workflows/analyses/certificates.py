@@ -39,7 +39,7 @@ from softclose_workflows.analyses.certification import (
 from softclose_workflows.analyses.drive_off import DriveOff, drive_off_of
 from softclose_workflows.analyses.judged_arrays import figure_arrays, response_arrays, response_of
 from softclose_workflows.run import records
-from softclose_workflows.run.opening import opening_arrays, openings_of, parameters
+from softclose_workflows.run.opening import opening_arrays, openings_of
 
 GROUP = "certification"
 """Group of the store that holds the certifications; a store of version 0.1 has its only one here."""
@@ -150,7 +150,7 @@ def write_certificate(path: str, result: Certification, lot: Lot | None) -> None
             unit="µs or V",
             long_name="start, rise, peak, volts; a peak of inf holds, rows of NaN are absent",
         ),
-        "parameter": parameters(),
+        "parameter": records.parameters(),
         "training_g_cm_s": GroupArray(
             dims=("design",),
             unit="cm/s",

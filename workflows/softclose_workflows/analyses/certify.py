@@ -33,6 +33,7 @@ from softclose_workflows.analyses.certification import Request, assemble, candid
 from softclose_workflows.analyses.certification import assess_fresh as assess_fresh
 from softclose_workflows.analyses.distinct import distinct
 from softclose_workflows.analyses.drive_off import MOST, off_by_drive
+from softclose_workflows.analyses.kept_certificates import designs_of, keep_designs, releases_of
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
 from softclose_workflows.run.opening import designed_opening
@@ -51,6 +52,7 @@ def certify(
     n_switches: int = 100_000,
     seed: int | None = None,
     top: int = 10,
+    store_trajectories: bool = False,
     mapper: Mapper = here,
     listener: OnStep | None = None,
 ) -> Certification:
@@ -58,7 +60,8 @@ def certify(
 
     seed: of the new switches; the campaign's own by default (their stream differs). Certifications on other numbers
     of switches, or of other seeds, stay as they are. What was certified before on these very switches stays certified:
-    only candidates that are new among the best are simulated. Raises CertifyError.
+    only candidates that are new among the best are simulated. store_trajectories: x(t) and v(t) of every new switch
+    under every design are kept, too (`kept_certificates`). Raises CertifyError.
     """
     campaign = open_campaign(path)
     config = CampaignConfig.from_dict(campaign.config)
@@ -69,8 +72,11 @@ def certify(
     known = () if stored is None else stored.request.candidates
     unchanged = stored is not None and (stored.incumbent, stored.committed) == (incumbent, campaign.committed)
     if stored is not None and stored.is_whole and unchanged and {*chosen} <= {*known}:
+        if store_trajectories:
+            keep_certificate(path, config, stored, mapper=mapper, listener=listener)
         return stored
-    needs.check_fresh(n_switches, len({*chosen, *known}) + N_REFERENCES, path=path)
+    n_designs = len({*chosen, *known}) + N_REFERENCES
+    needs.check_fresh(n_switches, n_designs, path=path, kept=config if store_trajectories else None)
     references = reference_designs(config)
     request = Request(
         n_switches=n_switches,
@@ -83,9 +89,51 @@ def certify(
     )
     designs = () if stored is None or not stored.is_whole else (*stored.candidates, *stored.references)
     have = {d.name: d.response for d in designs}
+    if store_trajectories:
+        have |= keep_request(campaign, config, request, mapper=mapper, listener=listener)
     result = certified_on(campaign, config, request, have, mapper=mapper, listener=listener)
     write_certificate(path, result, fresh_switches(config, n_switches, seed=seed))
+    if store_trajectories:
+        keep_releases(path, config, result, mapper=mapper)
     return result
+
+
+def keep_certificate(
+    path: str, config: CampaignConfig, result: Certification, *, mapper: Mapper = here, listener: OnStep | None = None
+) -> None:
+    """Keep every trajectory behind a certificate that is there."""
+    keep_request(open_campaign(path), config, result.request, mapper=mapper, listener=listener)
+    keep_releases(path, config, result, mapper=mapper)
+
+
+def keep_request(
+    campaign: Campaign,
+    config: CampaignConfig,
+    request: Request,
+    *,
+    mapper: Mapper = here,
+    listener: OnStep | None = None,
+) -> dict[str, Judged]:
+    """Keep the trajectories of the designs that a request stands for; what is judged of those simulated for it."""
+    waveforms, references = _designs(campaign, config, request)
+    designs = designs_of(waveforms | references, request.n_switches, for_everybody=references)
+    return keep_designs(campaign.path, config, designs, seed=request.seed, mapper=mapper, listener=listener)
+
+
+def keep_releases(path: str, config: CampaignConfig, result: Certification, *, mapper: Mapper = here) -> None:
+    """Keep the trajectories of the openings of a certificate."""
+    best = result.best.candidate
+    if best is not None:
+        released = releases_of(result.openings, best, result.n_switches)
+        keep_designs(path, config, released, seed=result.seed, mapper=mapper)
+
+
+def _designs(
+    campaign: Campaign, config: CampaignConfig, request: Request
+) -> tuple[dict[str, Waveform], dict[str, Waveform]]:
+    """The candidates and the reference designs of a request, by name."""
+    waveforms = {candidate_name(i): Waveform.from_rows(campaign.waveform(i)) for i in request.candidates}
+    return waveforms, reference_designs(config).designs
 
 
 def certify_again(path: str, name: str) -> None:
@@ -152,8 +200,7 @@ def certified_on(
     listener: OnStep | None = None,
 ) -> Certification:
     """The certification that a request stands for; have: responses of designs that are known already."""
-    waveforms = {candidate_name(i): Waveform.from_rows(campaign.waveform(i)) for i in request.candidates}
-    references = reference_designs(config).designs
+    waveforms, references = _designs(campaign, config, request)
     waveforms |= references
     new = {name: waveform for name, waveform in waveforms.items() if name not in have}
     responses = simulate_fresh(

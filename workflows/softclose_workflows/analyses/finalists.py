@@ -24,9 +24,11 @@ from softclose_workflows.analyses.certify import (
     check_size,
     choose_distinct,
     fresh_switches,
+    keep_certificate,
     least_switches,
     simulate_fresh,
 )
+from softclose_workflows.analyses.kept_certificates import Design, keep_designs
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
 from softclose_workflows.tell.console import OnStep
@@ -42,13 +44,15 @@ def certify_within(
     n_switches: int = 100_000,
     seed: int | None = None,
     top: int = 10,
+    store_trajectories: bool = False,
     mapper: Mapper = here,
     listener: OnStep | None = None,
 ) -> tuple[Certification, Race]:
     """Certify the finalists of a race between the `top` best distinct candidates, and keep the result in the store.
 
     The race ends when no candidate left can beat the best by more than tolerance_cm_s, or at n_switches. The
-    race's numbers are those of the candidates. Raises CertifyError.
+    race's numbers are those of the candidates. store_trajectories: those of every candidate on all switches that it ran
+    on, simulated again for it, and those of the certificate are kept, too. Raises CertifyError.
     """
     if isinstance(tolerance_cm_s, bool) or not 0.0 < tolerance_cm_s < math.inf:
         raise CertifyError(f"the tolerance is {tolerance_cm_s!r} cm/s; it must be above 0 (--within), such as 0.05")
@@ -57,7 +61,8 @@ def certify_within(
     check_size(config, n_switches, top)
     seed = config.campaign.seed if seed is None else seed
     incumbent, chosen = choose_distinct(campaign, config, top)
-    needs.check_fresh(n_switches, len(chosen) + N_REFERENCES, path=path)
+    kept = config if store_trajectories else None
+    needs.check_fresh(n_switches, len(chosen) + N_REFERENCES, path=path, kept=kept)
     waveforms = [Waveform.from_rows(campaign.waveform(i)) for i in chosen]
     track = _Track(config, waveforms, seed, mapper)
     rounds = sizes(max(least_switches(config), LEAST), n_switches)
@@ -88,6 +93,13 @@ def certify_within(
     have = {candidate_name(i): track.respond(chosen.index(i), last) for i in candidates}
     certification = certified_on(campaign, config, request, have, mapper=mapper)
     write_certificate(path, certification, fresh_switches(config, last, seed=seed))
+    if store_trajectories:
+        ran = [
+            Design(name=candidate_name(i), waveform=waveform, n_switches=track.n_of(k))
+            for k, (i, waveform) in enumerate(zip(chosen, waveforms, strict=True))
+        ]
+        keep_designs(path, config, ran, seed=seed, mapper=mapper, listener=listener)
+        keep_certificate(path, config, certification, mapper=mapper, listener=listener)
     return certification, _named(result, chosen)
 
 
@@ -112,6 +124,10 @@ class _Track:
     def n_done(self) -> int:
         """Trajectories simulated."""
         return sum(found.closed.size for found in self._done.values())
+
+    def n_of(self, i: int) -> int:
+        """Switches that waveform i has run on."""
+        return self._done[i].closed.size
 
     def respond(self, i: int, n: int) -> Judged:
         """Waveform i on the first n switches."""

@@ -24,12 +24,14 @@ from softclose_store import BY_HAND, DriverStore, Layout, Recompute, StoreError,
 from softclose_store import Campaign as StoredCampaign
 from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import certify_again
-from softclose_workflows.run import records
+from softclose_workflows.analyses.kept_certificates import keep_again
+from softclose_workflows.run import actuations, records, releases
 from softclose_workflows.run.creation import population_columns
 from softclose_workflows.run.flight import joined_asked
-from softclose_workflows.run.opening import candidate_of, designed_opening
+from softclose_workflows.run.opening import candidate_of, designed_opening, keep_releases
 from softclose_workflows.run.prior import GROUP, PriorOfStore, basins_again
 from softclose_workflows.run.tasks import compute_block, rows_of, times_us
+from softclose_workflows.run.trajectories import GROUP as TRAJECTORIES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,6 +199,13 @@ def _group(path: str, name: str) -> str:
     try:
         if name == GROUP:
             return basins_again(path)
+        if name == actuations.NAME:
+            return actuations.actuated_again(path)
+        if name.startswith(f"{TRAJECTORIES}/certification-"):
+            return keep_again(path, name)
+        released = releases.candidate_of(name)
+        if released is not None:
+            return keep_releases(path, released)
         candidate = candidate_of(name)
         if candidate is None:
             certify_again(path, name)

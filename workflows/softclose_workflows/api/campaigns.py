@@ -145,6 +145,7 @@ def certify(
     seed: int | None = None,
     top: int = 10,
     within_cm_s: float | None = None,
+    store_trajectories: bool = False,
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -164,6 +165,8 @@ def certify(
     within_cm_s
         Eliminate losers and double the sample until the winner is certain to within this [cm/s]; what is
         left is certified, on n_switches at most.
+    store_trajectories
+        Keep x(t) and v(t) of every new switch under every design, too, and those of the race.
     threads
         Of this process, where nothing else is asked for; by default one per core.
     workers, scheduler
@@ -180,8 +183,8 @@ def certify(
         For numbers that cannot be used.
     """
     path = path_text(store)
-    options: Any = {"n_switches": n_switches, "seed": seed, "top": top}
-    with open_crew(Placement(workers=workers, scheduler=scheduler), threads=threads) as crew:
+    options: Any = {"n_switches": n_switches, "seed": seed, "top": top, "store_trajectories": store_trajectories}
+    with open_crew(Placement(workers=workers, scheduler=scheduler), threads=threads, store=path) as crew:
         if within_cm_s is None:
             found = certify_store(path, **options, mapper=crew)
         else:

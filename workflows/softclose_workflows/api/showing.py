@@ -194,7 +194,7 @@ def opening(
     from softclose_workflows.figures.opening import draw_opening
 
     path = path_text(store)
-    with open_crew(Placement()) as crew:
+    with open_crew(Placement(), store=path) as crew:
         found = analyse(
             path, at_us=at_us, candidate=candidate, brake=brake, n_switches=n_switches, mapper=crew, listener=None
         )

@@ -36,6 +36,11 @@ if TYPE_CHECKING:
     "most --switches are used.",
 )
 @click.option("--threads", type=click.IntRange(min=1), help="Threads of this process to simulate with [one per core].")
+@click.option(
+    "--store-trajectories",
+    is_flag=True,
+    help="Keep x(t) and v(t) of every new switch under every design in STORE, too, and those of a race (--within).",
+)
 @crew_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object, for scripts.")
 @quiet_option
@@ -46,6 +51,7 @@ def certify(
     top: int,
     within_cm_s: float | None,
     threads: int | None,
+    store_trajectories: bool,
     placement: Placement,
     as_json: bool,
     quiet: bool,
@@ -59,17 +65,23 @@ def certify(
     from softclose.settings import CampaignConfig
     from softclose_store import open_campaign
     from softclose_workflows.analyses.certified_tables import certification_to_json, print_certification, print_race
+    from softclose_workflows.analyses.certify import N_REFERENCES
     from softclose_workflows.analyses.certify import certify as run
     from softclose_workflows.analyses.drive_off import print_drive_off
     from softclose_workflows.analyses.finalists import certify_within
     from softclose_workflows.analyses.hold import holds_of
     from softclose_workflows.run.crew import open_crew
+    from softclose_workflows.run.needs import announced_fresh
     from softclose_workflows.tell.console import bar
     from softclose_workflows.tell.plain import json_text
+    from softclose_workflows.terminal import say
 
-    options: Any = {"n_switches": switches, "seed": seed, "top": top}
+    options: Any = {"n_switches": switches, "seed": seed, "top": top, "store_trajectories": store_trajectories}
     race = None
-    with bar("certifying", quiet=quiet) as listener, open_crew(placement, threads=threads) as crew:
+    if store_trajectories and not quiet:
+        config = CampaignConfig.from_dict(open_campaign(store).config)
+        say(announced_fresh(config, switches, top + N_REFERENCES), err=True)
+    with bar("certifying", quiet=quiet) as listener, open_crew(placement, threads=threads, store=store) as crew:
         if within_cm_s is None:
             result = run(store, **options, mapper=crew, listener=listener)
         else:

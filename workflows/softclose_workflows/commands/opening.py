@@ -67,7 +67,7 @@ def opening(
 
     if figure is not None:
         check_figure(figure)
-    with bar("opening", quiet=quiet) as listener, open_crew(placement) as crew:
+    with bar("opening", quiet=quiet) as listener, open_crew(placement, store=store) as crew:
         found = analyse(
             store,
             at_us=at_us,

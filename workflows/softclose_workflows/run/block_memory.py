@@ -8,7 +8,7 @@ TRAJECTORY_RAW_BYTES = 60.0
 """V, instants, final state and status of one switch under one waveform, before compression."""
 
 TIME_RAW_BYTES, IMPACT_RAW_BYTES = 8.0, 16.0
-"""x and v (float32) at one instant; time and speed (float64) of one impact."""
+"""x and v (float32) of one mode at one instant; time and speed (float64) of one impact."""
 
 BLOCK_FACTOR = 1.3
 """Memory of a block while it is compressed, over its raw size."""
@@ -23,9 +23,9 @@ def of_worker(config: CampaignConfig) -> float:
 
 
 def _trajectory_bytes(config: CampaignConfig) -> float:
-    raw = TRAJECTORY_RAW_BYTES + TIME_RAW_BYTES * config.store.n_times + IMPACT_RAW_BYTES * config.store.max_impacts
-    n = config.n_cases
-    return BLOCK_FACTOR * raw * (1 if n == 1 else 1 + n)  # each case, and what counts of them
+    motion = TIME_RAW_BYTES * config.store.n_times * config.n_modes
+    raw = TRAJECTORY_RAW_BYTES + motion + IMPACT_RAW_BYTES * config.store.max_impacts
+    return BLOCK_FACTOR * raw * config.n_kept_cases
 
 
 def too_large_for(config: CampaignConfig, limit_bytes: float) -> str:

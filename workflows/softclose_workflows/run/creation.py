@@ -93,6 +93,7 @@ def layout_of(config: CampaignConfig) -> Layout:
         limits_cm_s=config.objective.limits_cm_s,
         columns=column_names(config),
         cases=case_columns(config),
+        n_modes=config.n_modes,
         asked=tuple(PopulationColumn(q.name, q.unit, q.long_name) for q in asked(config)),
     )
 

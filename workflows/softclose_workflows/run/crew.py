@@ -15,6 +15,7 @@ from typing import Any
 
 from softclose.device.protocol import is_own_word
 from softclose.evaluate.pieces import Answer, Piece
+from softclose_store import open_campaign
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.executors.placement import n_cores
@@ -113,16 +114,17 @@ def _is_an_answer(failure: BaseException) -> bool:
 
 
 @contextlib.contextmanager
-def open_crew(placement: Placement, *, threads: int | None = None) -> Iterator[Crew]:
+def open_crew(placement: Placement, *, threads: int | None = None, store: str = "") -> Iterator[Crew]:
     """A crew for the length of a `with` block: threads of this process, one per core, where nothing else is asked for.
 
+    store: the campaign's, where pieces write into it (trajectories): then every worker has to reach it.
     Ctrl-C and SIGTERM end its work (Stopped). Raises ExecutorError where it cannot be started.
     """
     with stop_on_signals() as stop, contextlib.ExitStack() as stack:
 
         def opened() -> Executor:
             executor = stack.enter_context(open_executor(placement, threads=threads or n_cores()))
-            executor.probe("", "")
+            executor.probe(store, open_campaign(store).fingerprint if store else "")
             return executor
 
         yield Crew(opened, stop)

@@ -16,10 +16,11 @@ from softclose.plugins import MEASURED
 from softclose.settings import CampaignConfig
 from softclose_store import DamageError, DriverStore, StoreError, finish_extension, open_campaign, store_state, verify
 from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
+from softclose_workflows.run.actuations import keep_actuations
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store, layout_of
 from softclose_workflows.run.crew import Crew
-from softclose_workflows.run.executors import Placement, open_executor
+from softclose_workflows.run.executors import Executor, Placement, open_executor
 from softclose_workflows.run.needs import announced, check_run
 from softclose_workflows.run.opening import design_at_the_end
 from softclose_workflows.run.progress import show_progress
@@ -48,6 +49,13 @@ def drive(
 def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, break_lock: bool, quiet: bool) -> None:
     with stop_on_signals() as stop, contextlib.ExitStack() as stack:
         opened = functools.cache(lambda: stack.enter_context(open_executor(placement)))
+
+        def reaching_the_store() -> Executor:
+            executor = opened()
+            executor.probe(path, open_campaign(path).fingerprint)
+            return executor
+
+        crew = Crew(reaching_the_store, stop)
         state = store_state(path)
         if state.finished and finish_extension(path, break_lock=break_lock):
             state = store_state(path)
@@ -74,11 +82,13 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
             listener = stack.enter_context(show_progress(quiet=quiet))
             with _still_there(path):
+                keep_actuations(path, whole, mapper=crew)
                 Driver(store, executor, stop=stop, listener=listener).run()
         else:
             _check_whole(path)
+            keep_actuations(path, whole, mapper=crew)
         if whole.opening.is_designed:
-            design_at_the_end(path, mapper=Crew(opened, stop), quiet=quiet)
+            design_at_the_end(path, mapper=crew, quiet=quiet)
 
 
 def _check_sizes(store: DriverStore, config: CampaignConfig, path: str) -> None:

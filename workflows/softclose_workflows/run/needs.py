@@ -13,12 +13,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from softclose.evaluate.realise import n_actuations
 from softclose.settings import CampaignConfig
+from softclose_workflows.run.actuations import are_kept
 from softclose_workflows.run.block_memory import of_worker
 from softclose_workflows.run.executors.placement import Placement
+from softclose_workflows.run.releases import looks_of
 
 TRAJECTORY_DISK_BYTES, TIME_DISK_BYTES = 60.0, 1.5
 """The same compressed: 1.6 bytes an instant near the optimum, 3 in a search that has just begun."""
+
+RELEASE_FACTOR, FURTHER_MODE_FACTOR = 2.0, 2.4
+"""How much more an instant of a release takes than one of a closing (a lot that is let go swings), and one of a further
+mode, which swings always: 6.4 and 7.0 bytes where the closing takes 2.9."""
 
 DRIVER_SWITCH_BYTES = 220.0
 """Memory of the driver for each switch of the ensemble, while it is drawn and stored."""
@@ -51,11 +58,27 @@ def of_run(config: CampaignConfig, *, workers: int, committed: int = 0) -> Needs
     few, many = config.campaign.budget + config.explore.budget, config.finish.budget
     trajectories = few * config.population.n_switches + many * config.finish.n_switches
     left = 1.0 - min(committed, config.total_budget) / config.total_budget
-    n, n_times = config.n_switches_max, config.store.n_times
+    each = TRAJECTORY_DISK_BYTES + motion_bytes(config)
     return Needs(
-        memory_bytes=DRIVER_SWITCH_BYTES * n + workers * of_worker(config),
-        disk_bytes=left * trajectories * (TRAJECTORY_DISK_BYTES + TIME_DISK_BYTES * n_times),
+        memory_bytes=DRIVER_SWITCH_BYTES * config.n_switches_max + workers * of_worker(config),
+        disk_bytes=left * (trajectories * config.n_kept_cases * each + n_beside(config) * motion_bytes(config)),
     )
+
+
+def motion_bytes(config: CampaignConfig) -> float:
+    """What x(t) and v(t) of a switch, and of its further modes, take on the disk."""
+    modes = 1.0 + FURTHER_MODE_FACTOR * (config.n_modes - 1)
+    return TIME_DISK_BYTES * config.store.n_times * modes
+
+
+def n_beside(config: CampaignConfig) -> float:
+    """Trajectories of actuations and tried releases that a campaign keeps, in those of `store.n_times` instants."""
+    beside = n_actuations(config) * config.n_switches_max if are_kept(config) else 0.0
+    if config.opening.is_designed and config.store.trials:
+        switches = min(config.opening.n_switches, config.n_switches_max)
+        shorter = len(looks_of(config)) / config.store.n_times
+        beside += (1 + config.opening.brake) * switches * config.n_cases * shorter * RELEASE_FACTOR
+    return beside
 
 
 def announced(config: CampaignConfig) -> str:
@@ -64,12 +87,20 @@ def announced(config: CampaignConfig) -> str:
     said = f"the store will take about {_bytes(size)}"
     if size < MUCH_BYTES:
         return said
-    n_times = config.store.n_times
-    motion = TIME_DISK_BYTES * n_times / (TRAJECTORY_DISK_BYTES + TIME_DISK_BYTES * n_times)
+    beside = n_beside(config) * motion_bytes(config)
+    if beside > 0.5 * size:
+        return f"{said}, {100.0 * beside / size:.0f} % of it the motion of trials, which store.trials=false leaves out"
+    n_times, motion = config.store.n_times, motion_bytes(config) / (TRAJECTORY_DISK_BYTES + motion_bytes(config))
     return (
         f"{said}, {100.0 * motion:.0f} % of it x(t) and v(t) of every switch at store.n_times={n_times} "
         "instants; fewer of them, or store.max_impacts, make it smaller"
     )
+
+
+def announced_fresh(config: CampaignConfig, n_switches: int, n_waveforms: int) -> str:
+    """What the trajectories behind a certificate will take, before they are simulated."""
+    size = motion_bytes(config) * config.n_cases * n_switches * n_waveforms
+    return f"the trajectories will take up to {_bytes(size)} in the store"
 
 
 MUCH_BYTES = 5e8
@@ -81,10 +112,16 @@ def of_ensemble(n_switches: int) -> Needs:
     return Needs(memory_bytes=DRIVER_SWITCH_BYTES * n_switches)
 
 
-def of_fresh(n_switches: int, n_waveforms: int, *, n_kept: int = 0) -> Needs:
-    """Waveforms assessed on new switches; n_kept: further ones, of which the responses stay in memory."""
+def of_fresh(n_switches: int, n_waveforms: int, *, n_kept: int = 0, kept: CampaignConfig | None = None) -> Needs:
+    """Waveforms assessed on new switches; n_kept: further ones, of which the responses stay in memory.
+
+    kept: the campaign, where their trajectories are kept, too.
+    """
     per_switch = FRESH_SWITCH_BYTES + FRESH_RESPONSE_BYTES * n_waveforms + KEPT_RESPONSE_BYTES * n_kept
-    return Needs(memory_bytes=n_switches * per_switch, disk_bytes=KEPT_RESPONSE_BYTES * n_switches * n_waveforms)
+    motion = 0.0 if kept is None else motion_bytes(kept) * kept.n_cases
+    return Needs(
+        memory_bytes=n_switches * per_switch, disk_bytes=(KEPT_RESPONSE_BYTES + motion) * n_switches * n_waveforms
+    )
 
 
 def of_all(parts: Iterable[Needs]) -> Needs:
@@ -107,10 +144,12 @@ def check_run(config: CampaignConfig, placement: Placement, path: str, *, commit
     )
 
 
-def check_fresh(n_switches: int, n_waveforms: int, *, path: str | Path | None = None) -> None:
-    """Refuse an ensemble of new switches that this machine cannot hold."""
+def check_fresh(
+    n_switches: int, n_waveforms: int, *, path: str | Path | None = None, kept: CampaignConfig | None = None
+) -> None:
+    """Refuse an ensemble of new switches that this machine cannot hold; kept: see `of_fresh`."""
     check(
-        of_fresh(n_switches, n_waveforms),
+        of_fresh(n_switches, n_waveforms, kept=kept),
         f"{n_waveforms:,} waveforms on {n_switches:,} new switches",
         "lower --switches or --top",
         path=path,

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.evaluate.pieces import Mapper, here
+from softclose.evaluate.pieces import Mapper, Sent, here
 from softclose.opening import (
     Opening,
     OpeningError,
     Openings,
     Released,
+    Trial,
     assess_opening,
     design_brake,
     judge_opening,
@@ -35,8 +36,9 @@ from softclose_store import (
     read_group,
     write_group,
 )
-from softclose_store.schema.fields import PARAMETERS
-from softclose_workflows.run.records import padded_rows, unpadded
+from softclose_workflows.run import releases
+from softclose_workflows.run.records import padded_rows, parameters, unpadded
+from softclose_workflows.run.releases import Releases
 from softclose_workflows.terminal import say
 
 GROUP = "opening"
@@ -102,17 +104,46 @@ def read_opening(path: str, candidate: int) -> Openings | None:
         ) from e
 
 
+def keep_releases(path: str, candidate: int, *, mapper: Mapper = here) -> str:
+    """Keep the motion under every release tried for a candidate, all of it tried again, which leaves its opening alone.
+
+    Returns why not; empty where it is done. Raises what `designed_opening` raises.
+    """
+    campaign = open_campaign(path)
+    config = CampaignConfig.from_dict(campaign.config)
+    if not (config.opening.is_designed and config.store.trials):
+        return f"{releases.name_of(candidate)} of {path} belongs to no opening that this campaign keeps: delete it"
+    _design(campaign, config, candidate, mapper)
+    return ""
+
+
 def _design(campaign: Campaign, config: CampaignConfig, candidate: int, mapper: Mapper) -> Openings:
+    """The opening of a candidate. The motion under each waveform that is tried is kept on the way."""
     settings, switches = config.opening, Lot(campaign.population()).rows(slice(config.opening.n_switches))
     at = settings.release_us
     drive = opened(Waveform.from_rows(campaign.waveform(candidate)), at)
     plain = judge_opening(config, switches, drive, at_us=at, mapper=mapper)
-    if not settings.brake:
-        return Openings(at_us=at, plain=plain, braked=None)
-    braked = design_brake(
-        config, switches, drive, at_us=at, budget=settings.brake, seed=config.campaign.seed, mapper=mapper
-    )
-    return Openings(at_us=at, plain=plain, braked=judge_opening(config, switches, braked, at_us=at, mapper=mapper))
+    kept = Releases(campaign.path, config, candidate, len(switches)) if config.store.trials else None
+    braked = None
+    if settings.brake:
+        to_keep: dict[str, Any] = {} if kept is None else {"attempt": kept.attempt, "told": kept.told}
+        best = design_brake(
+            config,
+            switches,
+            drive,
+            at_us=at,
+            budget=settings.brake,
+            seed=config.campaign.seed,
+            mapper=mapper,
+            **to_keep,
+        )
+        braked = judge_opening(config, switches, best, at_us=at, mapper=mapper)
+    elif kept is not None:
+        alone = Trial(0, Sent(config), switches, drive, at)
+        kept.told(alone, next(mapper(kept.attempt, [alone])))
+    if kept is not None:
+        kept.finish()
+    return Openings(at_us=at, plain=plain, braked=braked)
 
 
 def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
@@ -143,11 +174,6 @@ def opening_arrays(found: Openings, switch: str) -> dict[str, GroupArray]:
         "release_quantiles": of("quantiles", ("quantile", "release_time"), "1", "5, 50 and 95 % of x / D"),
         **{f"release_{name}": of(name, (switch,), *words) for name, words in _PER_SWITCH.items()},
     }
-
-
-def parameters() -> GroupArray:
-    """What the columns of a waveform are."""
-    return GroupArray(dims=("parameter",), values=np.array(list(PARAMETERS)), long_name="columns of a waveform")
 
 
 def openings_of(config: CampaignConfig, arrays: Mapping[str, NDArray[Any]]) -> Openings | None:

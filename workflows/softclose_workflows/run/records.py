@@ -14,8 +14,8 @@ from softclose.metrics.objective import Assessment
 from softclose.propose.by_hand import ByHand, Corrected
 from softclose.propose.protocol import Observation, Proposal
 from softclose.waveform import Waveform
-from softclose_store import Changed, Layout, result_of
-from softclose_store.schema.fields import SURROGATE_PREFIX
+from softclose_store import Changed, GroupArray, Layout, result_of
+from softclose_store.schema.fields import PARAMETERS, SURROGATE_PREFIX
 
 
 def padded_rows(waveforms: Sequence[Waveform]) -> NDArray[np.float64]:
@@ -24,6 +24,11 @@ def padded_rows(waveforms: Sequence[Waveform]) -> NDArray[np.float64]:
     for row, waveform in zip(rows, waveforms, strict=True):
         row[: len(waveform.pulses)] = waveform.rows()
     return rows
+
+
+def parameters() -> GroupArray:
+    """What the columns of a waveform are."""
+    return GroupArray(dims=("parameter",), values=np.array(list(PARAMETERS)), long_name="columns of a waveform")
 
 
 def unpadded(rows: NDArray[np.float64]) -> Waveform:

@@ -126,6 +126,7 @@ def compute_block(
 
     times, n_impacts = times_us(config), config.store.max_impacts
     n_cases = len(combinations(chain_of(config)))
+    further: dict[str, Any] = {"further_modes": True} if config.n_modes > 1 else {}
     found: list[dict[str, NDArray[Any]]] = []
     failures: dict[int, str] = {}
     for i, rows in enumerate(waveforms):
@@ -138,12 +139,13 @@ def compute_block(
                 max_impacts=n_impacts,
                 times_us=times,
                 dtype=np.float32,
+                **further,
             )
         except Exception as e:
             if not is_own_word(e):
                 raise
             failures[i] = f"{type(e).__name__}: {e}"
-            nothing = _nothing(len(lot), len(asked(config)), n_impacts, len(times))
+            nothing = _nothing(len(lot), len(asked(config)), n_impacts, len(times), config.n_modes - 1)
             found.append(_with_cases(nothing, [nothing] * n_cases))
             continue
         arrays = [_arrays(r, n_impacts) for r in each]
@@ -166,12 +168,15 @@ def _arrays(r: Responses, n_impacts: int) -> dict[str, NDArray[Any]]:
     impact = np.empty((len(r.status), n_impacts, len(IMPACT_QUANTITIES)))
     impact[..., 0], impact[..., 1] = r.impact_time_us, r.impact_speed
     response = np.stack([known[quantity] for quantity in PLACE], axis=-1, dtype=np.float64)
-    return {
+    found = {
         "response": response if r.asked is None else np.concatenate([response, r.asked], axis=-1),
         "x": np.asarray(r.x, dtype=np.float32),
         "v": np.asarray(r.v, dtype=np.float32),
         "impact": impact,
     }
+    if r.mode_x is not None:
+        found |= {"mode_x": np.asarray(r.mode_x, np.float32), "mode_v": np.asarray(r.mode_v, np.float32)}
+    return found
 
 
 def _with_cases(counts: dict[str, NDArray[Any]], cases: list[dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
@@ -181,12 +186,16 @@ def _with_cases(counts: dict[str, NDArray[Any]], cases: list[dict[str, NDArray[A
     return counts | {f"{CASE_PREFIX}{name}": np.stack([case[name] for case in cases], axis=1) for name in counts}
 
 
-def _nothing(n: int, n_asked: int, n_impacts: int, n_times: int) -> dict[str, NDArray[Any]]:
+def _nothing(n: int, n_asked: int, n_impacts: int, n_times: int, n_further: int) -> dict[str, NDArray[Any]]:
     """What is stored of n switches whose device model failed."""
     response = np.full((n, len(PLACE) + n_asked), np.nan)
     response[:, PLACE["closed"]], response[:, PLACE["status"]] = 0.0, -1.0
     x = np.full((n, n_times), np.nan, dtype=np.float32)
-    return {"response": response, "x": x, "v": x, "impact": np.full((n, n_impacts, len(IMPACT_QUANTITIES)), np.nan)}
+    found = {"response": response, "x": x, "v": x, "impact": np.full((n, n_impacts, len(IMPACT_QUANTITIES)), np.nan)}
+    if n_further:
+        modes = np.full((n, n_further, n_times), np.nan, dtype=np.float32)
+        found |= {"mode_x": modes, "mode_v": modes}
+    return found
 
 
 def _stacked(rows: list[NDArray[Any]]) -> NDArray[Any]:
