@@ -33,6 +33,7 @@ suppress_warnings: list[str] = []
 html_theme = "furo"
 html_title = "Softclose"
 html_static_path = ["_static"]
+html_css_files = ["math.css"]
 html_theme_options = {"source_directory": "docs/"}
 pygments_style = "friendly"
 pygments_dark_style = "monokai"
