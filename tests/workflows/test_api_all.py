@@ -10,14 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
 from softclose import Assessment, Population, Pulse, Responses, Waveform, assess, load_population, simulate
 from softclose_workflows import api
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.analyses.signing import SignError
-from softclose_workflows.cli import COMMANDS
+from softclose_workflows.cli import COMMANDS, main
 from softclose_workflows.errors import ExportError
+from softclose_workflows.exports.formats import MEANT_FOR
+from softclose_workflows.tell.outputs import OutputError
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "how-to" / "tour.ipynb"
 
@@ -30,7 +33,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_every_command_has_a_function_of_its_name() -> None:
-    commands = {name for group in COMMANDS.values() for name in group} - {"completion", "init", "bench"}
+    commands = {name for group in COMMANDS.values() for name in group} - {"completion", "bench"}
     assert commands <= set(api.__all__)
     assert all(callable(getattr(api, name)) for name in commands)
     assert {"ask", "tell", "correct", "withdraw"} <= set(dir(api.Bench))
@@ -86,6 +89,60 @@ def test_exports_are_datasets_and_texts_and_files(store: str, tmp_path: Path) ->
     assert len(text.splitlines()) >= 251
     with pytest.raises(ExportError, match="nothing to export"):
         api.export(store, "drive")  # type: ignore[arg-type]
+
+
+def test_every_format_of_a_drive_is_the_command_s(store: str, tmp_path: Path) -> None:
+    settings: dict[str, dict[str, Any]] = {
+        "csv": {"duration_us": 100.0, "max_error_cm_s": 50.0},
+        "pwl": {"tolerance_mV": 5.0, "nodes": "a b"},
+        "dac": {"full_scale_V": 200.0, "bits": 12, "signed": False},
+        "keysight-arb": {"gain": 20.0, "rate_MSps": 4.0},
+        "tektronix-tfw": {"gain": 20.0},
+        "siglent-csv": {"gain": 20.0},
+    }
+    assert set(settings) == set(MEANT_FOR)
+    typed = {"full_scale_V": "--full-scale", "duration_us": "--duration", "tolerance_mV": "--tolerance"}
+    typed |= {"rate_MSps": "--rate", "max_error_cm_s": "--max-error"}
+    for form, given in settings.items():
+        mine, theirs = tmp_path / f"{form}.mine", tmp_path / f"{form}.theirs"
+        content = api.export(store, "waveform", mine, format=form, **given)
+        words = [
+            word
+            for name, value in given.items()
+            for word in (["--unsigned"] if value is False else [typed.get(name, f"--{name}"), str(value)])
+        ]
+        asked = ["export", store, "waveform", "--format", form, "-o", str(theirs), *words]
+        assert CliRunner().invoke(main, asked).exit_code == 0
+        assert isinstance(content, str | bytes)
+        written = content.encode() if isinstance(content, str) else content
+        assert mine.read_bytes() == theirs.read_bytes() == written, form
+        beside = [path.with_name(f"{path.name}.json") for path in (mine, theirs)]
+        assert [path.exists() for path in beside] == [form not in ("csv", "pwl")] * 2
+        assert not beside[0].exists() or beside[0].read_bytes() == beside[1].read_bytes()
+
+
+def test_a_campaign_file_is_begun_as_by_the_command(tmp_path: Path) -> None:
+    mine, theirs = tmp_path / "mine.toml", tmp_path / "theirs.toml"
+    text = api.init(mine, n_pulses=3, max_volts=120.0)
+    done = CliRunner().invoke(main, ["init", str(theirs), "--pulses", "3", "--max-volts", "120"])
+    assert done.exit_code == 0, done.output
+    assert mine.read_text("utf-8") == theirs.read_text("utf-8") == text == api.init(n_pulses=3, max_volts=120.0)
+    with pytest.raises(OutputError, match="exists already"):
+        api.init(mine)
+    assert api.init(mine, force=True) != text
+
+
+def test_settings_that_a_format_does_not_have_are_refused(store: str, tmp_path: Path) -> None:
+    for what, settings, said in (
+        ("waveform", {"format": "csv", "bits": 12}, "bits has no meaning for"),
+        ("waveform", {"volume": 3}, "no setting volume"),
+        ("waveform", {"format": "wav"}, "no format of a waveform"),
+        ("waveform", {"format": "dac"}, "--full-scale"),
+        ("history", {"gain": 20.0}, "history has no gain"),
+    ):
+        with pytest.raises(ExportError, match=said):
+            api.export(store, what, tmp_path / "a", **settings)  # type: ignore[call-overload, arg-type]
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_run_draws_every_figure_by_its_name(store: str) -> None:

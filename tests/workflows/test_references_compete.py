@@ -53,7 +53,7 @@ def test_a_best_that_is_better_or_a_reference_without_an_objective_says_nothing(
     assert len(beaten_lines(of(41.0), {"unshaped": of(40.0), "deterministic": of(50.0)})) == 1
     (line,) = beaten_lines(of(10.0, 0.71), {"unshaped": of(40.0), "deterministic": of(5.0, 0.8)})
     assert "the unshaped design is better" in line
-    assert "0.0% of the switches open against 71.0%" in line
+    assert "0.0 % of the switches open against 71.0 %" in line
 
 
 def test_a_slow_ramp_is_told_what_to_ask_for_and_a_quick_drive_is_not() -> None:

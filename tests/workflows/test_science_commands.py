@@ -87,7 +87,7 @@ def test_tolerance_asks_the_best_candidate_and_the_certified_one_once_there_is_o
     asked = ["tolerance", store, "--switches", "100", "--gain", "0.02", "--slew", "30", "--jitter", "0.3"]
     said = json.loads(_run(*asked, "--generators", "4", "--json").stdout)
     assert said["why"] == "best"
-    assert [r["error"] for r in said["rows"]] == ["perfect", "gain +2.00%", "jitter 0.3 µs (sd)", "slew 30 V/µs"]
+    assert [r["error"] for r in said["rows"]] == ["perfect", "gain +2.00 %", "jitter 0.3 µs (sd)", "slew 30 V/µs"]
     assert said["rows"][0]["v_u_shift_cm_s"] == 0.0
     best = certify(store, n_switches=200, top=2).best
     said = json.loads(_run(*asked, "--json").stdout)

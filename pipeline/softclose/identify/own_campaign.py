@@ -103,7 +103,8 @@ def write_own_campaign(config: CampaignConfig, begun: Model, found: Identified, 
     comments = [f"{name}: {value:.6g}, held" for name, value in found.fixed.items()]
     for name, told in found.parameters.items():
         low, high = told.interval
-        said = "not told by the readings" if math.isinf(high) else f"{low:.6g} to {high:.6g} ({found.confidence:.0%})"
+        within = f"{low:.6g} to {high:.6g} ({100.0 * found.confidence:.0f} %)"
+        said = "not told by the readings" if math.isinf(high) else within
         comments.append(f"{name}: {told.value:.6g}, {said}")
     write_population(population, lot, comments)
     data = _differences(config.to_dict(), load_config({}).to_dict())

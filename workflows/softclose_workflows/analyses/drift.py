@@ -16,6 +16,7 @@ from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.console import OnStep, wide_console
+from softclose_workflows.tell.labels import in_percent
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import points, share_open, with_interval
 
@@ -69,7 +70,7 @@ def sentences(found: Drift) -> list[str]:
             continue
         last = next(r.assessment for r in found.rows if r.drift == side)
         if math.isinf(value) and not last.p_nc <= MOST_OPEN:
-            few = "all" if last.p_nc == 1.0 else f"{last.p_nc:.1%} of the"
+            few = "all" if last.p_nc == 1.0 else f"{in_percent(last.p_nc, 1)} of the"
             said.append(f"at {shown(found.kind, side)} {few} switches stay open: v_u is none of the lot there")
         elif math.isinf(value):
             said.append(f"v_u has not doubled at {shown(found.kind, side)}")

@@ -91,7 +91,7 @@ def describe(error: DriveError) -> str:
     """`gain +1 %`, `perfect`, …"""
     parts = []
     if error.gain:
-        parts.append(f"gain {error.gain:+.2%}")
+        parts.append(f"gain {100.0 * error.gain:+.2f} %")
     if error.gain_sd:
         parts.append(f"gain ± {100.0 * error.gain_sd:.2f} % (sd)")
     if error.jitter_us:

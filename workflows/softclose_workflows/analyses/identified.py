@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.labels import in_percent
 from softclose_workflows.tell.plain import finite
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def print_identified(found: Identified, files: Sequence[Path], said: Sequence[st
     for line in said:
         console.print(line)
     table = Table(title=f"{files[0]}: the switch that these readings tell", title_justify="left")
-    for column in ("", "meaning", f"value ({found.confidence:.0%} interval)"):
+    for column in ("", "meaning", f"value ({in_percent(found.confidence)} interval)"):
         table.add_column(column)
     for name, told in found.parameters.items():
         unit, meaning = PARAMETERS[name]

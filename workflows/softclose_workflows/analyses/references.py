@@ -15,6 +15,7 @@ from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
+from softclose_workflows.tell.labels import in_percent
 
 UNSHAPED = "unshaped"
 DETERMINISTIC = "deterministic"
@@ -84,7 +85,7 @@ def beaten_lines(best: Assessment, references: Mapping[str, Assessment]) -> list
 
     def compared(a: Assessment) -> str:
         if is_beyond(best.rank_cm_s):
-            return f"{a.p_nc:.1%} of the switches open against {best.p_nc:.1%}"
+            return f"{in_percent(a.p_nc, 1)} of the switches open against {in_percent(best.p_nc, 1)}"
         return f"g {a.g_cm_s:.2f} against {best.g_cm_s:.2f} cm/s on the same switches"
 
     lines = [

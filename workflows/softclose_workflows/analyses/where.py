@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from softclose_store import open_campaign
+from softclose_workflows.tell.labels import in_percent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,5 +86,5 @@ def print_where(path: str, found: Where) -> None:
     }  # fmt: skip
     for whose, (whole, parts) in words.items():
         for part, seconds in parts.items():
-            table.add_row(whose, part, f"{seconds:.2f}", f"{seconds / whole:.0%}" if whole else "–")
+            table.add_row(whose, part, f"{seconds:.2f}", in_percent(seconds / whole) if whole else "–")
     console.print(table)

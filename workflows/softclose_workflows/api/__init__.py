@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from softclose_workflows.api.showing import opening as opening
     from softclose_workflows.api.showing import pareto as pareto
     from softclose_workflows.api.showing import serve as serve
+    from softclose_workflows.api.stores import init as init
     from softclose_workflows.api.stores import populations as populations
     from softclose_workflows.api.stores import status as status
     from softclose_workflows.api.stores import submit as submit
@@ -70,6 +71,7 @@ _HOME = {
     "pareto": "showing",
     "opening": "showing",
     "serve": "showing",
+    "init": "stores",
     "status": "stores",
     "populations": "stores",
     "verify": "stores",
@@ -80,6 +82,7 @@ _HOME = {
 }
 
 __all__ = [  # noqa: RUF022 - the order a reader meets them in, that of `softclose --help`
+    "init",
     "populations",
     "calibrate",
     "run",

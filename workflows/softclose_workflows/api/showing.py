@@ -60,13 +60,13 @@ def export(
     output: str | os.PathLike[str] | None = None,
     *,
     candidate: int | None = None,
-    rate_MSps: float = 10.0,
     trajectories: bool = False,
     rows: int = 41,
-) -> xr.Dataset | str:
-    """What `softclose export` writes, as a dataset (ensemble, history) or as the text of a CSV file (waveform, trim).
-
-    Files for generators are written by the command: they need its many options.
+    devices: str | os.PathLike[str] | None = None,
+    columns: str | None = None,
+    **settings: Any,
+) -> xr.Dataset | str | bytes:
+    """What `softclose export` writes: a dataset (ensemble, history), or the content of a file (waveform, trim).
 
     Parameters
     ----------
@@ -76,33 +76,44 @@ def export(
         waveform: volts over time; ensemble: every switch of one candidate; history: one row a candidate; trim: scales
         of the drive for what is measured on a switch.
     output
-        A file to write it to as well: .csv, .parquet or .nc of a dataset, any name of a text.
+        A file to write it to as well: .csv, .parquet or .nc of a dataset, any name of a waveform or trim. Codes and
+        files of generators have a description beside them, with .json after their name.
     candidate
         By default the best certified one.
-    rate_MSps
-        waveform: samples per µs.
     trajectories
         ensemble: x(t), v(t) and the impacts of every switch, too.
     rows
         trim: values of each measured quantity.
+    devices
+        trim: a CSV file of measured devices, in the place of rows.
+    columns
+        trim: how its columns are called, such as "pull_in_V=Vpi".
+    **settings
+        waveform: what the command's options say. format is csv, pwl, dac, keysight-arb, tektronix-tfw or siglent-csv;
+        the others are rate_MSps, duration_us, tolerance_mV, source, nodes, bits, full_scale_V, gain, signed, header,
+        max_error_cm_s, release, pull_in_V and resonance_kHz.
 
     Returns
     -------
-    xarray.Dataset or str
-        The exported values.
+    xarray.Dataset, str or bytes
+        The exported values; bytes for files of generators.
 
     Raises
     ------
     ExportError
-        For something else than these four.
+        For something else than these four, for settings that a format does not have, and for samples that are no
+        longer the waveform.
     """
-    from softclose_workflows.exports.samples import sample_times_us, volts_csv
+    from softclose_workflows.exports.drive_files import drive_file
+    from softclose_workflows.exports.formats import DriveSettings
     from softclose_workflows.exports.tables import ensemble_dataset, history_dataset, write_dataset
-    from softclose_workflows.exports.trim import grid_table
+    from softclose_workflows.exports.trim import scales_table
 
     target = None if output is None else check_file(os.fspath(output), "output")
     path = path_text(store)
     campaign = open_campaign(path)
+    if settings and what != "waveform":
+        raise ExportError(f"{what} has no {', '.join(settings)}")
     if what in ("history", "ensemble"):
         dataset = (
             history_dataset(campaign)
@@ -115,12 +126,17 @@ def export(
         return dataset
     if what not in ("waveform", "trim"):
         raise ExportError(f"{what!r} is nothing to export; give waveform, ensemble, history or trim")
-    config = CampaignConfig.from_dict(campaign.config)
-    drive = Waveform.from_rows(campaign.waveform(choose(path, candidate).candidate))
-    text = (
-        volts_csv(drive, sample_times_us(rate_MSps, config.model.horizon_us))
-        if what == "waveform"
-        else grid_table(config, drive, rows)
+    if what == "waveform":
+        drive = drive_file(campaign, choose(path, candidate).candidate, DriveSettings.of(**settings))
+        if target is not None:
+            drive.write(target)
+        return drive.content
+    text = scales_table(
+        CampaignConfig.from_dict(campaign.config),
+        Waveform.from_rows(campaign.waveform(choose(path, candidate).candidate)),
+        rows=rows,
+        devices=None if devices is None else Path(devices),
+        columns=columns,
     )
     if target is not None:
         write_text(target, text, "output")

@@ -1,4 +1,4 @@
-"""Owns, from Python, what looks after stores and lots: status, populations, verify, submit, tls."""
+"""Owns, from Python, what looks after stores and lots: init, status, populations, verify, submit, tls."""
 
 from __future__ import annotations
 
@@ -13,6 +13,41 @@ from softclose_workflows.tell.standing import Standing, read_standing
 if TYPE_CHECKING:
     from softclose_store import Report
     from softclose_workflows.run.submission import Submission
+
+
+def init(file: str | os.PathLike[str] | None = None, *, force: bool = False, **answers: Any) -> str:
+    """Write a commented campaign file for a switch of one's own, as `softclose init`; nothing is asked.
+
+    Parameters
+    ----------
+    file
+        A .toml file to write; None: only its text is given back.
+    force
+        Replace an existing file.
+    **answers
+        name, population, n_pulses, max_volts, min_rise_us, max_open and effort (try, usual, thorough), as far as they
+        are not to have their defaults.
+
+    Returns
+    -------
+    str
+        The text of the file.
+
+    Raises
+    ------
+    OutputError
+        Where the file exists already, or cannot be written.
+    """
+    from softclose_workflows.analyses.starting import Start, starting_file
+    from softclose_workflows.tell.outputs import OutputError, check_file, write_text
+
+    target = None if file is None else check_file(os.fspath(file), "file", [".toml"])
+    if target is not None and Path(target).exists() and not force:
+        raise OutputError(f"{target} exists already: give another name, or force=True to replace it")
+    text = starting_file(Start(**answers))
+    if target is not None:
+        write_text(target, text, "file")
+    return text
 
 
 def status(store: Store) -> Standing:

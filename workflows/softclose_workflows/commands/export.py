@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from softclose_workflows.commands.options import Command, columns_option
+from softclose_workflows.exports.formats import MEANT_FOR, check_meant
 from softclose_workflows.terminal import say
 
 if TYPE_CHECKING:
-    from softclose.waveform import Waveform
     from softclose_store import Campaign
 
 WRITTEN_FOR_GENERATORS = ("keysight-arb", "tektronix-tfw", "siglent-csv")
 """Formats that are files of particular generators."""
-
-OPTIONS = {
-    "csv": {"rate_MSps", "duration_us"},
-    "pwl": {"tolerance_mV", "source", "nodes"},
-    "dac": {"rate_MSps", "duration_us", "bits", "full_scale_V", "signed", "header"},
-    "keysight-arb": {"rate_MSps", "duration_us", "gain"},
-    "tektronix-tfw": {"rate_MSps", "duration_us", "gain"},
-    "siglent-csv": {"duration_us", "gain"},
-}
-"""Format of a waveform -> the options that mean something for it; any other one that is given is refused."""
 
 
 def candidate_option(command: Command) -> Command:
@@ -76,8 +65,7 @@ def export(ctx: click.Context, store: str) -> None:
 )
 @click.option(
     "--format",
-    "form",
-    type=click.Choice(sorted(OPTIONS)),
+    type=click.Choice(sorted(MEANT_FOR)),
     default="csv",
     show_default=True,
     help="csv: volts at a sample rate; pwl: a SPICE source; dac: integer codes; the others: files of such generators.",
@@ -129,7 +117,7 @@ def export(ctx: click.Context, store: str) -> None:
 )
 @click.option(
     "--max-error",
-    "most_cm_s",
+    "max_error_cm_s",
     type=click.FloatRange(min=0.0, min_open=True),
     default=0.5,
     show_default=True,
@@ -146,146 +134,45 @@ def export(ctx: click.Context, store: str) -> None:
 def waveform(
     ctx: click.Context,
     /,
-    form: str,
     candidate: int | None,
-    release: bool,
-    pull_in_V: float | None,
-    resonance_kHz: float | None,
     output: Path | None,
     **settings: Any,
 ) -> None:
     """Write the drive waveform of one candidate, scaled for one switch where its measured values are given."""
-    from softclose.waveform import Waveform
     from softclose_store import open_campaign
+    from softclose_workflows.errors import ExportError
+    from softclose_workflows.exports.drive_files import drive_file
+    from softclose_workflows.exports.formats import DriveSettings
 
     _check(output)
-    _refuse_options_of_other_formats(ctx, form)
-    store = ctx.obj
-    campaign = open_campaign(store)
-    i = _candidate(campaign, candidate)
-    drive = _whole(store, i) if release else Waveform.from_rows(campaign.waveform(i))
-    if release and settings["duration_us"] is None and form != "pwl":
-        settings["duration_us"] = math.ceil(drive.breakpoints(math.inf)[-1])
-    if pull_in_V is not None or resonance_kHz is not None:
-        from softclose.settings import CampaignConfig
-        from softclose_workflows.exports.trim import drive_of
-
-        config = CampaignConfig.from_dict(campaign.config)
-        drive, scales = drive_of(config, drive, pull_in_V=pull_in_V, resonance_kHz=resonance_kHz)
-        click.echo(f"volts × {float(scales.volts[0]):.4f}, times × {float(scales.times[0]):.4f}", err=True)
-    if form == "pwl":
-        from softclose_workflows.exports.pwl import draw, spice_source
-
-        line = draw(drive, settings["tolerance_mV"] * 1e-3)
-        _check_delivered(campaign, drive, line.times_us, line.volts, settings)
-        text = spice_source(
-            line, source=settings["source"], nodes=settings["nodes"], comments=_comments(campaign, i, drive)
-        )
-        _emit(text, output)
-        return
-    from softclose_workflows.exports.samples import sample_times_us, volts_csv
-
-    if form in WRITTEN_FOR_GENERATORS:
-        _emit_instrument(campaign, i, drive, form, settings, output)
-        return
-    duration = settings["duration_us"] or campaign.config["model"]["horizon_us"]
-    if settings["duration_us"] == 0.0:
-        duration = 0.0  # refused below, with the value that was given
-    times = sample_times_us(settings["rate_MSps"], duration)
-    if form == "csv":
-        _check_delivered(campaign, drive, times, drive.voltage(times), settings)
-        _emit(volts_csv(drive, times), output)
+    form = settings["format"]
+    check_meant(form, _given(ctx))
+    if _is_standard(output):
+        if form in WRITTEN_FOR_GENERATORS:
+            raise ExportError(f"{form} is a file for an instrument; say where to write it (-o)")
+        if form == "dac" and not settings["header"]:
+            raise ExportError(
+                "codes without a header say nothing of their scale; give a file (-o), which FILE.json describes"
+            )
+    campaign = open_campaign(ctx.obj)
+    drive = drive_file(campaign, _candidate(campaign, candidate), DriveSettings(**settings))
+    if output is None or _is_standard(output):
+        click.echo(drive.content, nl=False)
     else:
-        _emit_codes(campaign, i, drive, times, settings, output)
+        drive.write(output)
+        if drive.about:
+            say(f"wrote {output}.json", err=True)
+        say(f"wrote {output}", err=True)
+    for note in drive.notes:
+        click.echo(note, err=True)
 
 
-def _emit_codes(
-    campaign: Campaign, i: int, drive: Waveform, times: Any, settings: dict[str, Any], output: Path | None
-) -> None:
-    from softclose_workflows.errors import ExportError
-    from softclose_workflows.exports.samples import CodeScale, codes_text, metadata
-    from softclose_workflows.tell.plain import json_text
-
-    full_scale = settings["full_scale_V"]
-    if full_scale is None:
-        raise ExportError(
-            "codes mean nothing without the voltage at the switch that the largest one stands for, amplifier included: "
-            f"give --full-scale (the campaign's limit is {campaign.config['waveform']['max_volts']:g} V)"
-        )
-    scale = CodeScale(
-        bits=settings["bits"],
-        signed=settings["signed"],
-        rate_MSps=settings["rate_MSps"],
-        full_scale_V=full_scale,
-    )
-    if output is None and not settings["header"]:
-        raise ExportError(
-            "codes without a header say nothing of their scale; give a file (-o), which FILE.json describes"
-        )
-    volts = drive.voltage(times)
-    codes = scale.encode(volts)
-    _check_delivered(campaign, drive, times, codes * scale.volts_per_code, settings)
-    about = metadata(scale, codes, volts)
-    comments = [*_comments(campaign, i, drive), *(f"{name}: {value}" for name, value in about.items())]
-    text = codes_text(codes, comments if settings["header"] else [])
-    if output is not None:  # the description first: codes never lie about without their scale
-        about |= {"candidate": i, "fingerprint": campaign.fingerprint, "warning": _warning(campaign, i)}
-        _emit(json_text(about) + "\n", output.with_name(output.name + ".json"))
-    _emit(text, output)
-
-
-def _emit_instrument(
-    campaign: Campaign, i: int, drive: Waveform, form: str, settings: dict[str, Any], output: Path | None
-) -> None:
-    import json
-
-    import numpy as np
-
-    from softclose_workflows.errors import ExportError
-    from softclose_workflows.exports.instruments import SIGLENT_POINTS, WRITERS, play, write_bytes
-
-    if output is None:
-        raise ExportError(f"{form} is a file for an instrument; say where to write it (-o)")
-    horizon = float(campaign.config["model"]["horizon_us"])
-    duration = horizon if settings["duration_us"] is None else settings["duration_us"]
-    rate = settings["rate_MSps"]
-    if form == "siglent-csv" and duration > 0.0:
-        rate = (SIGLENT_POINTS - 1) / duration
-    gain = settings["gain"]
-    played = play(drive, rate_MSps=rate, duration_us=duration, gain=gain)
-    content = WRITERS[form](played)
-    _check_delivered(campaign, drive, np.arange(played.volts.size) / played.rate_MSps, played.volts * gain, settings)
-    about = {"format": form, **played.settings(), "candidate": i, "fingerprint": campaign.fingerprint}
-    about["warning"] = _warning(campaign, i)
-    _emit(json.dumps(about, indent=2) + "\n", output.with_name(output.name + ".json"))
-    write_bytes(output, content)
-    say(f"wrote {output}", err=True)
-    click.echo(
-        f"at the generator: low level {played.low_V:g} V, high level {played.high_V:.6g} V, "
-        f"one period of {played.volts.size / played.rate_MSps:.6g} µs ({about['frequency_Hz']:.6g} Hz)",
-        err=True,
-    )
-
-
-def _check_delivered(campaign: Campaign, drive: Waveform, times: Any, volts: Any, settings: dict[str, Any]) -> None:
-    from softclose.settings import CampaignConfig
-    from softclose_workflows.exports.delivered import check_delivered
-
-    config = CampaignConfig.from_dict(campaign.config)
-    check_delivered(config, drive, times, volts, most_cm_s=settings["most_cm_s"])
-
-
-def _refuse_options_of_other_formats(ctx: click.Context, form: str) -> None:
+def _given(ctx: click.Context) -> dict[str, str]:
+    """Settings that were typed -> their option."""
     from click.core import ParameterSource
 
-    from softclose_workflows.errors import ExportError
-
-    of_formats = set().union(*OPTIONS.values())
-    for option in ctx.command.params:
-        name = str(option.name)
-        if name in of_formats - OPTIONS[form] and ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            meant = ", ".join(sorted(f for f, names in OPTIONS.items() if name in names))
-            raise ExportError(f"{option.opts[0]} has no meaning for --format {form}; it belongs to {meant}")
+    typed = ParameterSource.COMMANDLINE
+    return {str(p.name): p.opts[0] for p in ctx.command.params if ctx.get_parameter_source(str(p.name)) is typed}
 
 
 @export.command(
@@ -348,32 +235,16 @@ def trim(
     store: str, /, devices: Path | None, columns: str | None, rows: int, candidate: int | None, output: Path | None
 ) -> None:
     """Write a table for the test floor: from what is measured on a switch to the scales of its drive."""
-    from softclose.datafiles import parsed_columns
-    from softclose.population.measurements import NAMES
     from softclose.settings import CampaignConfig
     from softclose.waveform import Waveform
     from softclose_store import open_campaign
-    from softclose_workflows.exports.trim import device_table, grid_table
+    from softclose_workflows.exports.trim import scales_table
 
     _check(output)
     campaign = open_campaign(store)
     config = CampaignConfig.from_dict(campaign.config)
     drive = Waveform.from_rows(campaign.waveform(_candidate(campaign, candidate)))
-    if devices is None:
-        _emit(grid_table(config, drive, rows), output)
-    else:
-        _emit(device_table(config, drive, devices, parsed_columns(columns, NAMES)), output)
-
-
-def _whole(store: str, i: int) -> Waveform:
-    """Closing, holding, release and brake."""
-    from softclose_workflows.errors import ExportError
-    from softclose_workflows.run.opening import designed_opening
-
-    found = designed_opening(store, i)
-    if found is None:
-        raise ExportError(f"{store} designs no opening (opening.release_us): leave --release out")
-    return (found.plain if found.braked is None else found.braked).released.waveform
+    _emit(scales_table(config, drive, rows=rows, devices=devices, columns=columns), output)
 
 
 def _candidate(campaign: Campaign, i: int | None) -> int:
@@ -386,36 +257,21 @@ def _candidate(campaign: Campaign, i: int | None) -> int:
     return found.candidate
 
 
-def _warning(campaign: Campaign, i: int) -> str:
-    """What a file says where its waveform leaves many switches open; else ""."""
-    from softclose_workflows.analyses.chosen import choose
-
-    return choose(campaign.path, i).warning
-
-
-def _comments(campaign: Campaign, i: int, drive: Waveform) -> list[str]:
-    from softclose_workflows.exports.tables import cell
-    from softclose_workflows.tell.tables import describe_waveform
-
-    lines = describe_waveform([list(row) for row in drive.rows()]).splitlines()
-    name = cell(campaign.config["campaign"]["name"])  # one line: in a netlist a line of its own could be a command
-    return [
-        f"softclose waveform: candidate {i} of {name} ({campaign.fingerprint[:12]})",
-        *filter(None, [_warning(campaign, i)]),
-        *lines,
-    ]
-
-
 def _check(output: Path | None) -> None:
     """Refuse a place that cannot be written before anything is read."""
     from softclose_workflows.tell.outputs import check_file
 
-    if output is not None and str(output) != "-":
+    if output is not None and not _is_standard(output):
         check_file(output)
 
 
+def _is_standard(output: Path | None) -> bool:
+    """Whether it goes to standard output."""
+    return output is None or str(output) == "-"
+
+
 def _emit(text: str, output: Path | None) -> None:
-    if output is None or str(output) == "-":
+    if output is None or _is_standard(output):
         click.echo(text, nl=False)
         return
     from softclose_workflows.tell.outputs import write_text
@@ -428,7 +284,7 @@ def _emit_table(dataset: Any, form: str, output: Path | None) -> None:
     from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.tables import csv_text, write_dataset
 
-    if output is None or str(output) == "-":
+    if output is None or _is_standard(output):
         if form != "csv" or len(dataset.sizes) > 1:
             raise ExportError(f"{form} with these options is not text for standard output; give a file (-o)")
         click.echo(csv_text(dataset), nl=False)

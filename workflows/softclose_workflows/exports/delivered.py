@@ -13,6 +13,7 @@ from softclose.settings import CampaignConfig
 from softclose.waveform import Drive, Trace, Waveform
 from softclose_workflows.analyses.certify import simulate_fresh
 from softclose_workflows.errors import ExportError
+from softclose_workflows.tell.labels import in_percent
 
 N_SWITCHES = 500
 """New switches on which waveform and samples are compared, the same for both: enough to tell 0.1 cm/s of them."""
@@ -66,7 +67,7 @@ def check_delivered(
     opened = abs(delivered.p_nc - designed.p_nc)
     if not (moved <= most_cm_s and opened <= 0.01 * most_cm_s):
         raise ExportError(
-            f"{what}: v_u would be {delivered.v_u_cm_s:.2f} cm/s in the place of {designed.v_u_cm_s:.2f}, p_nc "
-            f"{delivered.p_nc:.3f} in the place of {designed.p_nc:.3f}; at most {most_cm_s:g} cm/s and "
-            f"{0.01 * most_cm_s:g} are allowed: {remedy}"
+            f"{what}: v_u would be {delivered.v_u_cm_s:.2f} cm/s in the place of {designed.v_u_cm_s:.2f}, and "
+            f"{in_percent(delivered.p_nc, 1)} of the switches would stay open in the place of "
+            f"{in_percent(designed.p_nc, 1)}; at most {most_cm_s:g} cm/s and {most_cm_s:g} points are allowed: {remedy}"
         )

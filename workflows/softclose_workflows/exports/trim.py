@@ -13,10 +13,11 @@ from softclose.arrays import FloatArray
 from softclose.conditions.learning import TailoredByLearning
 from softclose.conditions.trim import Trim, given_scales
 from softclose.conditions.trim import trim_of as of_section
+from softclose.datafiles import parsed_columns
 from softclose.device.drives import scaled
 from softclose.evaluate import draw
 from softclose.evaluate.chain import chain_of
-from softclose.population.measurements import read_devices
+from softclose.population.measurements import NAMES, read_devices
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose.waveform.scales import Scales
@@ -94,6 +95,15 @@ def device_table(
     names = used_columns(trim_of(config))
     found = read_devices(path, names, columns=columns)
     return _csv(config, waveform, np.stack([found.values[name] for name in names], axis=1), found.names)
+
+
+def scales_table(
+    config: CampaignConfig, drive: Waveform, *, rows: int, devices: Path | None, columns: str | None
+) -> str:
+    """The table of measured devices in a CSV file, or, without one, of as many values of what may be measured."""
+    if devices is None:
+        return grid_table(config, drive, rows)
+    return device_table(config, drive, devices, parsed_columns(columns, NAMES))
 
 
 def grid_table(config: CampaignConfig, waveform: Waveform, rows: int) -> str:

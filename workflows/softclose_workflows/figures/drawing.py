@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from softclose.propose.dependence import Dependence
 from softclose.propose.origins import group_of
@@ -48,14 +49,7 @@ def response(data: ReportData) -> Figure | None:
     voltage.set_ylim(bottom=0.0)
     if traces is not None:
         for axes, motion in ((distance, traces.distance_um), (velocity, traces.velocity_cm_s)):
-            for closes, colour, dash in ((True, "best", "solid"), (False, "open", "dashed")):
-                lines = [np.column_stack([traces.times_us, row]) for row in motion[traces.closed == closes]]
-                axes.add_collection(
-                    LineCollection(
-                        lines, colors=COLOURS[colour], linewidths=0.35 if closes else 0.6, alpha=0.4, linestyles=dash
-                    )
-                )
-            axes.autoscale_view()
+            draw_motion(axes, traces.times_us, motion, traces.closed)
         if not traces.closed.all():
             distance.plot([], [], "--", color=COLOURS["open"], linewidth=0.8, label="stays open")
             distance.legend(loc="upper right")
@@ -84,6 +78,20 @@ def response(data: ReportData) -> Figure | None:
     distance.set(ylabel="Distance to contact (µm)")
     velocity.set(ylabel="Velocity (cm/s)", xlabel="Time (µs)")
     return figure
+
+
+def draw_motion(
+    axes: Axes, times_us: NDArray[np.floating[Any]], motion: NDArray[np.floating[Any]], closed: NDArray[np.bool_]
+) -> None:
+    """A line a switch over times_us (n_times,), motion (n_switch, n_times); who stays open has a colour and a dash."""
+    for closes, colour, dash in ((True, "best", "solid"), (False, "open", "dashed")):
+        lines = [np.column_stack([times_us, row]) for row in motion[closed == closes]]
+        axes.add_collection(
+            LineCollection(
+                lines, colors=COLOURS[colour], linewidths=0.35 if closes else 0.6, alpha=0.4, linestyles=dash
+            )
+        )
+    axes.autoscale_view()
 
 
 def pulses(data: ReportData) -> Figure | None:

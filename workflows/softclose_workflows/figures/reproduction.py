@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from softclose.metrics.objective import CM_S
-from softclose_workflows.figures.drawing import LINES
+from softclose_workflows.figures.drawing import LINES, draw_motion
 from softclose_workflows.figures.saving import save
 from softclose_workflows.figures.style import COLOURS, PAGE_IN, style
 from softclose_workflows.tell.outputs import make_folder
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
 N_DRAWN = 200
 """Switches whose trajectories a figure shows, as in the published ones."""
 
-OURS, PRINTED, EACH = COLOURS["best"], COLOURS["deterministic"], COLOURS["unshaped"]
+DRAWN_US = 120.0
+"""How long they are drawn at least [µs]; a drive that still rises then is drawn until it holds."""
+
+OURS, PRINTED = COLOURS["best"], COLOURS["deterministic"]
 
 
 def draw_all(folder: Path, rows: Sequence[ReproducedRow]) -> list[Path]:
@@ -93,7 +97,7 @@ def _populations(folder: Path, rows: Sequence[ReproducedRow]) -> Path:
     for row in rows:
         population = row.config.build_population()
         configs.setdefault(population.name, population)
-    figure = Figure(figsize=(PAGE_IN, 4.0))
+    figure = Figure(figsize=(PAGE_IN, 4.3))
     axes = figure.subplots(2, 3)
     for place, (name, population) in enumerate(configs.items()):
         line = LINES[place % len(LINES)]
@@ -102,13 +106,15 @@ def _populations(folder: Path, rows: Sequence[ReproducedRow]) -> Path:
             x = np.linspace(b.lower, b.upper, 200)
             axis.plot(x, b.density(x), label=name, linestyle=line)
             axis.set_xlabel(f"{v} [{UNITS[v]}]")
-            axis.set_ylabel("density")
+            axis.set_ylabel(f"density [1/{UNITS[v]}]")
         switches = population.sample(1000, seed=1)
-        for axis, column, unit in ((axes[1, 1], 2, "K [N/m]"), (axes[1, 2], 3, "M [µg]")):
-            axis.hist(switches[:, column], bins=30, density=True, histtype="step", linestyle=line)
-            axis.set_xlabel(unit)
-            axis.set_ylabel("density")
-    axes[0, 0].legend(fontsize=7)
+        for axis, column, label, density in ((axes[1, 1], 2, "K [N/m]", "m/N"), (axes[1, 2], 3, "M [µg]", "1/µg")):
+            axis.hist(switches[:, column], bins=15, density=True, histtype="step", linestyle=line)
+            axis.set_xlabel(label)
+            axis.set_ylabel(f"density [{density}]")
+    for axis in axes.flat:
+        axis.set_ylim(bottom=0.0)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=len(configs))
     return _save(figure, folder / "populations.svg")
 
 
@@ -119,7 +125,8 @@ def _response(folder: Path, row: ReproducedRow) -> Path:
 
     config, waveform = row.config, row.certified.waveform
     switches = fresh_switches(config, N_DRAWN, seed=config.campaign.seed)
-    t = np.linspace(0.0, 120.0, 481)
+    until = math.ceil(max(DRAWN_US, *waveform.breakpoints(config.model.horizon_us)))
+    t = np.linspace(0.0, until, 4 * until + 1)
     r = respond(config, switches, waveform, times_us=t, dtype=np.float32)
     assert r.x is not None
     assert r.v is not None
@@ -131,10 +138,13 @@ def _response(folder: Path, row: ReproducedRow) -> Path:
     axes[0, 0].set_ylabel("u [V]")
     for axis, values, label in (
         (axes[0, 1], r.x - switches["D"][:, None], "x − D [µm]"),
-        (axes[1, 1], r.v * CM_S, "x' [cm/s]"),
+        (axes[1, 1], r.v * CM_S, "dx/dt [cm/s]"),
     ):
-        axis.plot(t, values.T, color=EACH, lw=0.4, alpha=0.35)
+        draw_motion(axis, t, values, r.closed)
         axis.set_ylabel(label)
+    if not r.closed.all():
+        axes[0, 1].plot([], [], "--", color=COLOURS["open"], lw=0.8, label="stays open")
+        figure.legend(*axes[0, 1].get_legend_handles_labels(), loc="outside upper right")
     for axis in (axes[0, 0], axes[0, 1], axes[1, 1]):
         axis.set_xlabel("t [µs]")
         axis.set_xlim(0, t[-1])

@@ -21,9 +21,10 @@ from softclose_workflows.studies.published import CASES, LIMIT_CM_S, N_PUBLISHED
 from softclose_workflows.studies.reproduced import ReproducedRow
 from softclose_workflows.studies.series import Effort, Member, run_series
 from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.labels import percent_interval
 from softclose_workflows.tell.outputs import check_folder, write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
-from softclose_workflows.tell.tables import describe_waveform, with_interval
+from softclose_workflows.tell.tables import describe_waveform, share, with_interval
 from softclose_workflows.terminal import say
 
 STORED = ("store.n_times=126",)
@@ -40,6 +41,8 @@ QUICK = (
 
 QUICK_SWITCHES = 10_000
 
+WIDTH = 244
+"""Columns that the table needs, so that none of its cells is cut."""
 
 PUBLISHED_STEP = "reference.step_volts=100.0"
 """The published row is a step to 100 V, whatever limit a reproduction is asked for."""
@@ -131,14 +134,14 @@ def to_text(rows: Sequence[ReproducedRow]) -> str:
     from softclose_workflows.terminal import plain_console
 
     out = StringIO()
-    console = plain_console(file=out, width=240, color_system=None)
+    console = plain_console(file=out, width=WIDTH, color_system=None)
     _print(console, rows)
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
 
 
 def print_reproduction(rows: Sequence[ReproducedRow]) -> None:
     """The comparison for people."""
-    _print(wide_console(240), rows)
+    _print(wide_console(WIDTH), rows)
 
 
 def _print(console: Any, rows: Sequence[ReproducedRow]) -> None:
@@ -159,7 +162,7 @@ def _print(console: Any, rows: Sequence[ReproducedRow]) -> None:
         "mean V, ours\n(95 % interval)",
         f"P(V > {LIMIT_CM_S:g})\npublished",
         f"P(V > {LIMIT_CM_S:g}), ours\n(Eq. 11)",
-        "p_nc",
+        "left open",
         "g",
         "optimism",
         "",
@@ -176,9 +179,9 @@ def _print(console: Any, rows: Sequence[ReproducedRow]) -> None:
             f"{r.v_u_range[0]:.1f}–{r.v_u_range[1]:.1f}",
             "" if p is None else f"{p.mean_cm_s:.1f}",
             with_interval(a.mean_cm_s, *a.mean_interval),
-            "" if p is None or p.p_exceed is None else f"{p.p_exceed[0]:.2f}–{p.p_exceed[1]:.2f}",
-            "" if exceed is None else with_interval(exceed.estimate, *exceed.wald, 3),
-            f"{a.p_nc:.3f}",
+            "" if p is None or p.p_exceed is None else percent_interval(*p.p_exceed, digits=0).replace("\u202f", " "),
+            "" if exceed is None else share(exceed.estimate, *exceed.wald, 1),
+            share(a.p_nc),
             f"{a.g_cm_s:.2f}",
             "" if math.isnan(r.certified.optimism_cm_s) else f"{r.certified.optimism_cm_s:+.2f}",
             r.verdict,

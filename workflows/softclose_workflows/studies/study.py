@@ -121,7 +121,7 @@ def print_study(result: StudyResult) -> None:
     table = Table(title=study.title, title_justify="left", show_lines=True)
     table.add_column(f"{study.parameter}{f' [{study.unit}]' if study.unit else ''}", justify="right")
     table.add_column("waveform")
-    for column in ("v_u [cm/s]", "mean V [cm/s]", "p_nc", "g [cm/s]", "optimism", "unshaped v_u"):
+    for column in ("v_u [cm/s]", "mean V [cm/s]", "left open", "g [cm/s]", "optimism", "unshaped v_u"):
         table.add_column(column, justify="right", no_wrap=True)
     for value, c in zip(study.values, result.certifications, strict=True):
         a = c.best.assessment
