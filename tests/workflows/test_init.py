@@ -10,11 +10,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 
 from softclose import load_config
+from softclose.evaluate.chain import chain_of
 from softclose.population import load_population, population_names
 from softclose.presets import preset_names
 from softclose.settings import ConfigError, known_keys
@@ -23,6 +25,7 @@ from softclose_workflows.analyses.starting import EFFORTS, Start, explained, n_t
 from softclose_workflows.cli import main
 
 SCHEMA = configuration_schema()
+OWN_LOT = str(files("softclose.presets").joinpath("populations/cantilever.toml"))
 
 
 @pytest.mark.parametrize("population", population_names())
@@ -57,6 +60,25 @@ def test_numbers_in_the_comments_are_the_lot_s() -> None:
     slow = load_config(tomllib.loads(starting_file(Start())))
     period = 45.4  # µs, of K = 65.3 N/m and M = 3.41 µg
     assert 6.0 * period <= slow.model.horizon_us <= 6.0 * period + 10.0
+
+
+@pytest.mark.parametrize("population", [*population_names(), OWN_LOT])
+def test_hold_is_limited_so_that_the_weakest_switch_keeps_a_tenth_of_it(population: str) -> None:
+    """Where the margin is just kept by 90 %, the certificate has nothing to warn of."""
+    config = load_config(tomllib.loads(starting_file(Start(population=population))))
+    margin = config.objective.quantity_limits["hold_margin"]
+    release = load_population(population).sample(20_000, seed=5)
+    release = chain_of(config).device.holding_voltage(release)
+    held = margin + np.quantile(release, 0.9)
+    assert 0.05 < (held - release.max()) / held < 0.12
+    assert held < config.waveform.max_volts
+
+
+def test_an_amplifier_that_cannot_hold_with_room_is_told_of() -> None:
+    lot = load_population("current").summary()
+    text = starting_file(Start(max_volts=lot["U_pi_mean_switch_V"]))
+    assert "at max_volts, which is LITTLE" in text
+    assert 0.0 <= tomllib.loads(text)["objective"]["quantity_limits"]["hold_margin"] < lot["U_pi_mean_switch_V"] - 60.0
 
 
 def test_the_command_writes_asks_nothing_without_a_terminal_and_replaces_nothing(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from softclose.conditions.streams import Ensemble
 from softclose.device.status import Status, not_integrated, reasons
 from softclose.evaluate import draw, respond
 from softclose.metrics.objective import Judged
+from softclose.settings import ConfigError
 from softclose.uncertainty.sensitivity import SensitivityError, sensitivity
 from softclose.uncertainty.tails import tail
 from softclose_store import Best, open_campaign
@@ -79,6 +80,20 @@ budget = 0
 [store]
 n_times = 11
 """
+
+
+def test_prices_that_cannot_be_scaled_are_asked_for_and_it_is_said_why(tmp_path: Path) -> None:
+    """More voltage would not help a lot that is pulled through its contact."""
+    unpriced = "\n".join(line for line in DESIGN.splitlines() if "_cm_s" not in line and "[objective]" not in line)
+    for name, text in (("lot.toml", PLATE), ("soft.toml", SOFT), ("design.toml", unpriced)):
+        (tmp_path / name).write_text(text)
+    with pytest.raises(
+        ConfigError, match=r"\(4,0\d\d of 4,096 .*collapsed onto.*\): give .*or lower waveform.max_volts"
+    ):
+        load_config(str(tmp_path / "design.toml"))
+    low = {"population": {"name": "current"}, "waveform": {"max_volts": 20.0}}
+    with pytest.raises(ConfigError, match=r"with the lot: give .* or raise waveform.max_volts or model.horizon_us"):
+        load_config(low)
 
 
 def test_a_lot_that_is_pulled_through_its_contact_names_no_best(tmp_path: Path) -> None:

@@ -223,7 +223,7 @@ class CampaignConfig:
         o, m = self.objective, self.model
         missing = [name for name in PUBLISHED if o.is_left_out(name)]
         if missing or not self.reference.step_volts:
-            step, speeds = scaled(
+            step, speeds, why = scaled(
                 self.population_model,
                 self.reduced_order_model,
                 m.build_losses(),
@@ -235,11 +235,12 @@ class CampaignConfig:
                 method=self.compute.method,
             )
             if missing and not speeds:
+                because = f" ({why})" if why else ""
                 raise ValueError(
                     f"a step of {step:g} V ({STEP:g} times the pull-in voltage of the mean switch, at most "
-                    "waveform.max_volts) closes too few switches to scale prices with the lot: give "
-                    f"{', '.join(f'objective.{name}' for name in missing)}, or raise waveform.max_volts or "
-                    "model.horizon_us"
+                    f"waveform.max_volts) closes too few switches to scale prices with the lot{because}: "
+                    f"give {', '.join(f'objective.{name}' for name in missing)}, or "
+                    + ("lower waveform.max_volts" if why else "raise waveform.max_volts or model.horizon_us")
                 )
             object.__setattr__(self, "objective", replace(o, **{name: speeds[name] for name in missing}))
             step = self.reference.step_volts or step

@@ -14,6 +14,7 @@ from typing import Any
 
 from softclose.device.device import Device
 from softclose.device.drives import Drives
+from softclose.device.status import reasons
 from softclose.device.told import mean_switch, sobol_switches
 from softclose.metrics.objective import assess
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
@@ -39,7 +40,7 @@ DIGITS = 3
 
 def scaled(
     population: Mapping[str, Any], modes: Mapping[str, Any], losses: Losses, *, max_volts: float, **device: Any
-) -> tuple[float, dict[str, Any]]:
+) -> tuple[float, dict[str, Any], str]:
     """The step and the speeds of `[objective]` that go with a lot.
 
     Parameters
@@ -60,6 +61,8 @@ def scaled(
         The step [V]: `STEP` times the mean switch's pull-in voltage, at most max_volts.
     dict
         The keys of `PUBLISHED`, in proportion to v_u under that step; {} where it closes too few to have one.
+    str
+        Why switches could not be integrated under that step; "" where all could.
     """
     lot, shapes = (json.dumps(d, sort_keys=True) for d in (population, modes))
     return _scaled(lot, shapes, losses, max_volts, tuple(sorted(device.items())))
@@ -68,7 +71,7 @@ def scaled(
 @lru_cache(maxsize=64)
 def _scaled(
     lot: str, shapes: str, losses: Losses, max_volts: float, told: tuple[tuple[str, Any], ...]
-) -> tuple[float, dict[str, Any]]:
+) -> tuple[float, dict[str, Any], str]:
     population, modes = Population.from_dict(json.loads(lot)), json.loads(shapes)
     device = Device(
         name=REDUCED_ORDER if modes else SINGLE_MODE,
@@ -82,10 +85,10 @@ def _scaled(
     closed = device.respond(Lot.of(sobol_switches(population, device, N_SWITCHES)), drive)
     v_u = assess(closed, sampling="sobol").v_u_cm_s
     if not v_u > 0.0:
-        return step, {}
+        return step, {}, reasons(closed.status)
     part = v_u / PUBLISHED_V_U_CM_S
     found: dict[str, Any] = {name: rounded(part * value) for name, value in PUBLISHED.items()}
-    return step, found | {LIMITS: (found[LIMITS],)}
+    return step, found | {LIMITS: (found[LIMITS],)}, reasons(closed.status)
 
 
 def rounded(value: float) -> float:

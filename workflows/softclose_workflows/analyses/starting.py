@@ -9,9 +9,10 @@ from typing import Literal
 
 import numpy as np
 
+from softclose.device.device import Device
 from softclose.device.told import mean_switch
 from softclose.evaluate.chain import chain_of
-from softclose.population import load_population
+from softclose.population import Population, load_population
 from softclose.propose.plan import plan
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig, ConfigError, load_config
@@ -31,6 +32,10 @@ ROOM = 1.5
 """Largest voltage over the highest pull-in voltage of the lot: what lets a pulse outrun the stiffest switch."""
 PERIODS = 6.0
 """Natural periods that are simulated at least, a little more than the published study's 250 µs for its switch."""
+SPARE = 0.1
+"""Part of the hold voltage that the switch which lets go first should have to spare."""
+N_HELD = 10_000
+"""Switches among which that one is looked for."""
 RISE_OF_PERIOD = 0.25
 """A rise longer than this part of the period hardly acts as a pulse."""
 
@@ -94,6 +99,10 @@ min_rise_us = {rise:g} # fastest edge{slow}; keep it above the period of the sec
 # g = v_u + c1 p_nc: softness, and what an open switch costs, which scales with the lot's speed under a plain step.
 max_open = {most_open:g} # beyond this share left open, candidates rank by the share open and not by softness
 warn_open = {most_open:g} # beyond this share left open, a warning is printed
+# A low hold voltage is a soft one, which creep, charge and a sagging supply take away: softness is not to be bought
+# with hold. Volts that 90 % of the switches are held above their release voltage, at least. So held, the one of
+# {n_held:,} that lets go first, at {release:.1f} V, has {spare:.0f} % of the hold voltage to spare{sag}.
+quantity_limits = {{ hold_margin = {margin:g} }}
 """
 
 THOROUGH = """
@@ -124,6 +133,7 @@ def starting_file(start: Start) -> str:
     volts = start.max_volts if start.max_volts is not None else 5.0 * math.ceil(ROOM * high / 5.0)
     horizon = max(50.0, 10.0 * math.ceil(PERIODS * period / 10.0))
     budget, n, descents = EFFORTS[start.effort]
+    release, margin = room_to_hold(lot, device, volts)
     text = (FILE + THOROUGH * bool(descents)).format(
         name=quoted(start.name),
         budget=budget,
@@ -143,9 +153,26 @@ def starting_file(start: Start) -> str:
         slow="" if start.min_rise_us <= RISE_OF_PERIOD * period else ", MORE than a quarter of the natural period",
         most_open=start.max_open,
         descents=descents,
+        n_held=N_HELD,
+        release=release,
+        margin=margin,
+        spare=max(100.0 * SPARE if release < (1.0 - SPARE) * volts else 100.0 * (1.0 - release / volts), 0.0),
+        sag="" if release < (1.0 - SPARE) * volts else ", at max_volts, which is LITTLE",
     )
     load_config(parsed_tables(text, "the campaign file", ConfigError))
     return text
+
+
+def room_to_hold(lot: Population, device: Device, max_volts: float) -> tuple[float, float]:
+    """The highest release voltage of the lot, and the margin that leaves its switch `SPARE` of the hold voltage [V].
+
+    The margin counts for 90 % of the switches, as a limit of the objective does; two digits of it, rounded down.
+    """
+    release = device.holding_voltage(lot.sample(N_HELD, seed=0))
+    last = float(np.nanmax(release))
+    margin = max(min(last / (1.0 - SPARE), max_volts) - float(np.nanquantile(release, 0.9)), 0.0)
+    step = 10.0 ** (math.floor(math.log10(margin)) - 1) if margin else 1.0
+    return last, step * math.floor(margin / step)
 
 
 def quoted(text: str) -> str:
