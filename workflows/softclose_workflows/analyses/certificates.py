@@ -34,7 +34,6 @@ from softclose_workflows.analyses.certification import (
     CertifyError,
     Request,
     assemble,
-    candidate_of,
 )
 from softclose_workflows.analyses.drive_off import DriveOff, drive_off_of
 from softclose_workflows.analyses.judged_arrays import figure_arrays, response_arrays, response_of
@@ -104,10 +103,7 @@ def _certification(campaign: Campaign, group: ResultGroup) -> Certification:
     further = asked(config)
     waveforms = {name: records.unpadded(rows) for name, rows in zip(names, a["waveform"], strict=True)}
     responses = {name: response_of(a, i, further) for i, name in enumerate(names)}
-    certified = sorted(i for i in map(candidate_of, names) if i is not None)
-    # Version 0.1 kept neither the list nor what was missing.
-    legacy = {"candidates": certified, "top": len(certified), "missing": {}}
-    result = assemble(campaign, config, waveforms, responses, request_of(legacy | group.attributes))
+    result = assemble(campaign, config, waveforms, responses, request_of(group.attributes))
     gains = a["drive_gain"].tolist() if "drive_gain" in a else []
     off = tuple(drive_off_of(config, gain, response_of(a, k, further, OFF)) for k, gain in enumerate(gains))
     return replace(result, openings=openings_of(config, a), drive_off=off)

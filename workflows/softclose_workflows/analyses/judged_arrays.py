@@ -27,8 +27,8 @@ _COLUMNS: dict[str, tuple[str, str, str]] = {
     "n_impacts": ("n_impacts", "1", "number of impacts"),
 }
 """Array -> what it is of a response, unit, meaning."""
-_LATER = ("settling", "first_contact", "n_impacts")
-"""What older versions did not keep."""
+_UNTOLD = ("first_contact", "n_impacts")
+"""What a device model may not tell."""
 
 
 def response_arrays(
@@ -66,9 +66,9 @@ def response_arrays(
 
 
 def response_of(arrays: Mapping[str, NDArray[Any]], i: int, further: Sequence[Quantity], prefix: str = "") -> Judged:
-    """The inverse of `response_arrays` of row i; what an older version did not keep is None."""
+    """The inverse of `response_arrays` of row i; what no response told is None."""
     columns: dict[str, Any] = {
-        attribute: None if name in _LATER and f"{prefix}{name}" not in arrays else arrays[f"{prefix}{name}"][i]
+        attribute: None if name in _UNTOLD and f"{prefix}{name}" not in arrays else arrays[f"{prefix}{name}"][i]
         for name, (attribute, _, _) in _COLUMNS.items()
     }
     of_each = [arrays[f"{prefix}{ASKED}{q.name}"][i] for q in further]

@@ -34,8 +34,8 @@ SHOWN = ("v_u", "p_nc", "mean", "contact_time", "closing", "impacts", "hold_marg
 """What a sheet shows, with a limit or without."""
 ASK_IMPACTS = ("impact_energy", "impact_energy_sum", "impulse", "impulse_sum")
 """What a certificate does not tell: it keeps no single impacts."""
-NEW = ("contact_time", "impacts")
-"""What older certificates do not tell: left out of the sheet unless it has a limit."""
+UNTOLD = ("contact_time", "impacts")
+"""What a device model may not tell: then left out of the sheet unless it has a limit."""
 
 
 class SignError(ValueError):
@@ -145,7 +145,7 @@ def sign(path: str, limits: Mapping[str, float]) -> Sheet:
     best = certification.best
     lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
     closing = Closing.of(config, lot, best.waveform, cast(Responses, best.response))
-    shown = [name for name in SHOWN if name in limits or name not in NEW or best.contacts]
+    shown = [name for name in SHOWN if name in limits or name not in UNTOLD or best.contacts]
     names = [*shown, *(name for name in limits if name not in SHOWN)]
     return Sheet(
         store=path,

@@ -48,9 +48,6 @@ N_BEST_TRACES = 100
 MAX_PLACES = 12
 """Different places of the search, or places on a front, whose switches' motion a page carries."""
 
-ENDS = ("_lower", "_upper", "_lower_cm_s", "_upper_cm_s", "_lower_us", "_upper_us")
-"""How columns end that are ends of intervals."""
-
 _PICK_SAMPLES = 50_000
 """Samples of x and v carried for all picks together: 0.13 MB of page."""
 
@@ -126,8 +123,6 @@ def _candidates(records: Mapping[str, NDArray[Any]], config: CampaignConfig) -> 
     for k, limit in enumerate(config.objective.limits_cm_s):
         for name, end in (("p_exceed", ""), ("p_exceed_wilson", "_lower"), ("p_exceed_wilson", "_upper")):
             columns[f"{name}_{limit:g}{end}"] = np.asarray(records[name + end][:, k], dtype=np.float64)
-    if config.population.sampling == "sobol":  # older stores have them for any sampling, but none holds for it
-        columns = {n: np.full_like(v, math.nan) if n.endswith(ENDS) else v for n, v in columns.items()}
     surrogate = {
         name.removeprefix(SURROGATE_PREFIX): np.asarray(values, dtype=np.float64)
         for name, values in sorted(records.items())
