@@ -62,3 +62,20 @@ def test_a_campaign_in_this_process_imports_no_distributions_of_scipy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_design_of_a_search_imports_no_process() -> None:
+    """skopt brings sklearn, pandas and the distributions of scipy: as long as a small campaign takes as a whole."""
+    code = (
+        "import sys\n"
+        "from softclose.propose.plan import plan\n"
+        "from softclose.propose.proposer import Proposer\n"
+        "from softclose.propose.protocol import Problem\n"
+        "from softclose.settings import load_config\n"
+        "settings = ['prior.model=none', 'campaign.budget=12', 'optimiser.n_initial=12', 'population.n_switches=16']\n"
+        "problem = Problem(load_config('current', settings))\n"
+        "assert len(Proposer(problem).propose(plan(problem)[0], [], [])) == 12\n"
+        "assert not {'skopt', 'sklearn', 'pandas', 'scipy.stats'} & set(sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr

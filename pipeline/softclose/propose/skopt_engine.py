@@ -63,8 +63,6 @@ class SkoptEngine:
 
             return propose_led(problem, basins, wave, history, pending)
         gone = f"no prior: {basins.failure}"[:200] if basins is not None and wave.index == 0 else ""
-        from softclose.propose.surrogate import collect
-
         settings, space = problem.config.optimiser, problem.space
 
         def proposals(
@@ -84,6 +82,8 @@ class SkoptEngine:
         search = search_history(problem, history)
         if len(search) < settings.n_initial:  # the design is in flight: more of it
             return proposals(design(wave.start), SOBOL)
+        from softclose.propose.surrogate import collect  # not before a process is asked: skopt takes 1.5 s to import
+
         data = collect(problem, search)
         if len(data.g) < 2:
             return proposals(design(wave.start), FALLBACK, note="fewer than two usable candidates")
