@@ -91,6 +91,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
     found.within(kept_certificates, "_simulate_and_keep", lambda piece: piece.keeper.group)
     # What is not kept, and why: a prior is counted and recomputable; so are the devices that a trim's regression is
     # learned on; the others are simulated again, or have been, among those above, or kept where somebody asks for it.
+    found.within(kept_certificates, "draw", lambda *_: "lot")
     found.within(prior.Prior, "values", lambda *_: "prior")
     found.within(learning.Learned, "of", lambda *_: "regression")
     found.within(settings_room, "scaled", lambda *_: "prices")

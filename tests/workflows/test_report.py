@@ -397,3 +397,13 @@ def test_what_an_amplifier_delivers_is_drawn_beside_what_is_commanded(tmp_path: 
 
 def test_without_an_amplifier_none_is_drawn(page: str) -> None:
     assert 'id="amplifier"' not in page
+
+
+def test_a_page_is_the_same_whoever_simulates_its_references(store: str, tmp_path: Path) -> None:
+    pages = []
+    for k, where in enumerate((("--serial",), (), ("--workers", "2"))):
+        target = tmp_path / f"{k}.html"
+        done = CliRunner().invoke(main, ["report", store, "-o", str(target), "--quiet", *where])
+        assert done.exit_code == 0, done.output
+        pages.append(target.read_text("utf-8"))
+    assert pages[0] == pages[1] == pages[2]

@@ -28,7 +28,7 @@ from softclose_workflows.analyses.certify import (
     least_switches,
     simulate_fresh,
 )
-from softclose_workflows.analyses.kept_certificates import Design, keep_designs
+from softclose_workflows.analyses.kept_certificates import KeptDesign, keep_designs
 from softclose_workflows.analyses.references import reference_designs
 from softclose_workflows.run import needs
 from softclose_workflows.tell.console import OnStep
@@ -95,7 +95,7 @@ def certify_within(
     write_certificate(path, certification, fresh_switches(config, last, seed=seed))
     if store_trajectories:
         ran = [
-            Design(name=candidate_name(i), waveform=waveform, n_switches=track.n_of(k))
+            KeptDesign(name=candidate_name(i), waveform=waveform, n_switches=track.n_of(k))
             for k, (i, waveform) in enumerate(zip(chosen, waveforms, strict=True))
         ]
         keep_designs(path, config, ran, seed=seed, mapper=mapper, listener=listener)

@@ -40,7 +40,7 @@ def name_of(n_switches: int, seed: int, design: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
+class KeptDesign:
     """A drive whose trajectories are kept."""
 
     name: str
@@ -57,21 +57,21 @@ class Design:
 
 def designs_of(
     waveforms: Mapping[str, Waveform], n_switches: int, *, for_everybody: Collection[str] = ()
-) -> list[Design]:
+) -> list[KeptDesign]:
     """The designs of a certificate."""
     return [
-        Design(name=name, waveform=w, n_switches=n_switches, for_everybody=name in for_everybody)
+        KeptDesign(name=name, waveform=w, n_switches=n_switches, for_everybody=name in for_everybody)
         for name, w in waveforms.items()
     ]
 
 
-def releases_of(openings: Openings | None, candidate: int, n_switches: int) -> list[Design]:
+def releases_of(openings: Openings | None, candidate: int, n_switches: int) -> list[KeptDesign]:
     """The openings of a certificate."""
     if openings is None:
         return []
     each = {"plain": openings.plain, "braked": openings.braked}
     return [
-        Design(
+        KeptDesign(
             name=f"release {candidate} {kind}",
             waveform=o.released.waveform,
             n_switches=n_switches,
@@ -85,7 +85,7 @@ def releases_of(openings: Openings | None, candidate: int, n_switches: int) -> l
 def keep_designs(
     path: str,
     config: CampaignConfig,
-    designs: Sequence[Design],
+    designs: Sequence[KeptDesign],
     *,
     seed: int,
     mapper: Mapper = here,
@@ -110,23 +110,23 @@ def keep_again(path: str, group: str) -> str:
     return ""
 
 
-def _design_of(path: str, config: CampaignConfig, n: int, name: str) -> Design | None:
+def _design_of(path: str, config: CampaignConfig, n: int, name: str) -> KeptDesign | None:
     i, released = candidate_of(name), _RELEASED.fullmatch(name)
     campaign = open_campaign(path)
     if i is not None:
         waveform = Waveform.from_rows(campaign.waveform(i)) if i < campaign.committed else None
-        return None if waveform is None else Design(name=name, waveform=waveform, n_switches=n)
+        return None if waveform is None else KeptDesign(name=name, waveform=waveform, n_switches=n)
     if released is not None:
         designed = designed_opening(path, int(released[1]))
         return next((d for d in releases_of(designed, int(released[1]), n) if d.name == name), None)
     reference = reference_designs(config).designs.get(name)
-    return None if reference is None else Design(name=name, waveform=reference, n_switches=n, for_everybody=True)
+    return None if reference is None else KeptDesign(name=name, waveform=reference, n_switches=n, for_everybody=True)
 
 
 def _keep(
     path: str,
     config: CampaignConfig,
-    designs: Sequence[Design],
+    designs: Sequence[KeptDesign],
     *,
     seed: int,
     mapper: Mapper,
@@ -171,7 +171,7 @@ class _Rows:
 
     sent: Sent
     keeper: Keeper
-    design: Design
+    design: KeptDesign
     seed: int
     part: int
     rows: range

@@ -372,7 +372,13 @@ def calibrate(
     return Result(value=found, title=f"population fitted to {source.name}", rows=rows, notes=found.notes)
 
 
-def report(store: Store, output: str | os.PathLike[str] | None = None) -> Path:
+def report(
+    store: Store,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Path:
     """Write the self-contained HTML page about a campaign.
 
     Parameters
@@ -381,6 +387,9 @@ def report(store: Store, output: str | os.PathLike[str] | None = None) -> Path:
         Path, URL, or what `run` returned.
     output
         By default `<name of the store>.html`, in the current folder.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, that simulate the reference designs in the
+        place of threads.
 
     Returns
     -------
@@ -392,7 +401,9 @@ def report(store: Store, output: str | os.PathLike[str] | None = None) -> Path:
 
     path = path_text(store)
     target = check_file(Path(default_name(path, ".html") if output is None else output), "output")
-    write_text(target, render_report(gather(path)), "output")
+    with open_crew(Placement(workers=workers, scheduler=scheduler)) as crew:
+        data = gather(path, mapper=crew)
+    write_text(target, render_report(data), "output")
     return target
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from softclose.arrays import FloatArray
 from softclose.evaluate import judge
+from softclose.evaluate.pieces import Mapper, here
 from softclose.metrics.objective import CM_S
 from softclose.population.lot import Lot
 from softclose.propose.dependence import Dependence, surrogate_dependence
@@ -52,10 +53,11 @@ _PICK_SAMPLES = 50_000
 """Samples of x and v carried for all picks together: 0.13 MB of page."""
 
 
-def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData:
+def gather(path: str, *, learned: bool = True, picks: bool = True, mapper: Mapper = here) -> ReportData:
     """Read one store, growing or finished. Raises the store's own errors where there is none.
 
-    learned: fit a surrogate for the partial dependence. picks: also read a sample of every candidate's motion.
+    learned: fit a surrogate for the partial dependence. picks: also read a sample of every candidate's motion. mapper:
+    who simulates the reference designs.
     """
     from softclose_store import open_campaign
 
@@ -72,7 +74,7 @@ def gather(path: str, *, learned: bool = True, picks: bool = True) -> ReportData
     places = _places(candidates, index, config, front) if picks else () if index is None else (index,)
     chosen = sorted(places)
     edges = speed_edges(float(np.fmax.reduce(candidates.columns["max_cm_s"][chosen], initial=0.0)))
-    designs, missing = _designs(campaign, config, index)
+    designs, missing = _designs(campaign, config, index, mapper)
     found: dict[str, Any] = {}
     if index is not None:
         found = found_in(
@@ -204,7 +206,9 @@ def _read_picks(
     return shares_of, samples
 
 
-def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tuple[tuple[Design, ...], dict[str, str]]:
+def _designs(
+    campaign: Campaign, config: CampaignConfig, best: int | None, mapper: Mapper
+) -> tuple[tuple[Design, ...], dict[str, str]]:
     """The best candidate and the reference designs on the same switches; which of these are missing, and why."""
     if best is None:
         return (), {}
@@ -222,7 +226,7 @@ def _designs(campaign: Campaign, config: CampaignConfig, best: int | None) -> tu
             ),
         )
     ]
-    references = simulate_references(config, Lot(campaign.population()).rows(slice(n)))
+    references = simulate_references(config, Lot(campaign.population()).rows(slice(n)), mapper)
     for name, (waveform, r) in reversed(references.responses.items()):
         designs.append(
             Design.of(r, judge(config, r), name=reference_name(name, waveform), role=name, waveform=waveform)
