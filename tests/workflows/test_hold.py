@@ -12,12 +12,13 @@ import pytest
 from click.testing import CliRunner
 
 from small_campaigns import finish
+from softclose.evaluate.quantities import Value
 from softclose.settings import CampaignConfig, load_config
 from softclose.switch.plate import holding_voltage
 from softclose_store import open_campaign
 from softclose_workflows import api
 from softclose_workflows.analyses.certify import certify, fresh_switches
-from softclose_workflows.analyses.hold import hold_lines, holds_of
+from softclose_workflows.analyses.hold import Hold, hold_lines, holds_of
 from softclose_workflows.cli import main
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.page import render_report
@@ -80,6 +81,14 @@ def test_it_is_said_by_certificate_report_json_and_python(near: str) -> None:
     page = render_report(gather(near, learned=False, picks=False))
     assert words in page
     assert warning in page
+
+
+def test_a_switch_that_is_not_held_at_all_is_said_to_need_more() -> None:
+    value = Value(estimate=7.3, interval=(7.2, 7.4), n=100_000)
+    weak = Hold(name="candidate 56", margin_V=value, least_V=-10.99, held_V=74.76)
+    warning = hold_lines([weak], 0.9)[1]
+    assert "holds with 74.76 V, and one switch needs 10.99 V more to stay closed" in warning
+    assert "to spare" not in warning
 
 
 def test_a_lot_that_is_held_well_is_not_warned_about(tmp_path: Path) -> None:

@@ -98,8 +98,11 @@ def hold_lines(holds: Sequence[Hold], level: float) -> list[str]:
     beside = [f"{h.name} {h.margin_V.estimate:.2f} V, the least {h.least_V:.2f} V" for h in others]
     lines = ["; ".join([said, *beside])]
     if best.least_V < SMALL * best.held_V:
+        what = f"holds one switch with only {best.least_V:.2f} V to spare of {best.held_V:.2f} V"
+        if best.least_V < 0.0:
+            what = f"holds with {best.held_V:.2f} V, and one switch needs {-best.least_V:.2f} V more to stay closed"
         lines.append(
-            f"WARNING: {best.name} holds one switch with only {best.least_V:.2f} V to spare of {best.held_V:.2f} V: "
+            f"WARNING: {best.name} {what}: "
             "part of its softness may be bought with hold, which creep, charge and a sagging supply take away"
         )
     return lines
