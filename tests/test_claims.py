@@ -137,7 +137,7 @@ def test_what_the_study_s_page_says_is_in_its_table() -> None:
         f"current {u[id(paper)]} (",
         f"modified {u[id(mp)]} against 12.5, improved process {u[id(ip)]} against 12.8 cm/s",
         f"v_u {u[id(mean)]} against 42.6, mean V {mean['mean_cm_s']:.1f} against 24.7",
-        f"ends at {u[id(direct)]} with {100 * direct['p_nc']:.0f} % left open (g {direct['g_cm_s']:.1f}",
+        f"ends at {direct['v_u_cm_s']:.2f} with {100 * direct['p_nc']:.1f} % left open (g {direct['g_cm_s']:.1f}",
         f"finds {u[id(three)]} with {100 * three['p_nc']:.1f} % left open (g {three['g_cm_s']:.1f}",
         f"({u[id(m3)]} against {u[id(m2)]})",
         f"({u[id(i3)]} against {u[id(i2)]})",
