@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,9 +21,9 @@ from softclose_workflows.analyses.certify import certify as certify_store
 from softclose_workflows.analyses.drive_off import drive_off_lines
 from softclose_workflows.analyses.finalists import certify_within
 from softclose_workflows.analyses.hold import hold_lines, holds_of
+from softclose_workflows.api.placing import check_main, crew_of
 from softclose_workflows.api.results import CampaignRun, Result, Store, metrics, warned
 from softclose_workflows.run import extension
-from softclose_workflows.run.crew import open_crew
 from softclose_workflows.run.driving import drive
 from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.warm_start import warm_started
@@ -67,7 +65,7 @@ def run(
     Stopped
         Where it ends earlier; `resume` continues.
     """
-    _check_main()
+    check_main()
     path = path_text(store)
     config = warm_started(load_config(os.fspath(source) if isinstance(source, os.PathLike) else source, settings))
     placement = Placement(workers=workers, scheduler=scheduler, serial=serial)
@@ -110,7 +108,7 @@ def resume(
     Stopped
         Where it ends earlier.
     """
-    _check_main()
+    check_main()
     path = path_text(store)
     if budget is not None:
         extension.extend(path, budget, break_lock=break_lock)
@@ -184,7 +182,7 @@ def certify(
     """
     path = path_text(store)
     options: Any = {"n_switches": n_switches, "seed": seed, "top": top, "store_trajectories": store_trajectories}
-    with open_crew(Placement(workers=workers, scheduler=scheduler), threads=threads, store=path) as crew:
+    with crew_of(workers, scheduler, threads=threads, store=path) as crew:
         if within_cm_s is None:
             found = certify_store(path, **options, mapper=crew)
         else:
@@ -255,6 +253,8 @@ def tolerance(
     candidate: int | None = None,
     n_switches: int = 20_000,
     n_generators: int = 64,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[list[DriveTolerance]]:
     """How v_u and p_nc of a waveform move with errors of its generator.
 
@@ -270,6 +270,8 @@ def tolerance(
         New switches.
     n_generators
         Generators drawn for random errors.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -277,9 +279,10 @@ def tolerance(
         One row an error.
     """
     path = path_text(store)
-    chosen, found = drive_errors.tolerance(
-        path, errors, candidate=candidate, n_switches=n_switches, n_generators=n_generators
-    )
+    with crew_of(workers, scheduler) as crew:
+        chosen, found = drive_errors.tolerance(
+            path, errors, candidate=candidate, n_switches=n_switches, n_generators=n_generators, mapper=crew
+        )
     rows = [
         {"generator": drive_errors.describe(r.error), **metrics(r.assessment)}
         | {"change of v_u [cm/s]": r.v_u_shift_cm_s, "change of p_nc": r.p_nc_shift}
@@ -290,7 +293,14 @@ def tolerance(
 
 
 def sensitivity(
-    store: Store, *, candidate: int | None = None, points: int = 512, replicates: int = 8, seed: int = 0
+    store: Store,
+    *,
+    candidate: int | None = None,
+    points: int = 512,
+    replicates: int = 8,
+    seed: int = 0,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[Sensitivity]:
     """Which of D, G, E and T the spread of V and the failure to close come from (Sobol' indices).
 
@@ -306,6 +316,8 @@ def sensitivity(
         Independent designs, from which the intervals come.
     seed
         Of the designs.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -313,7 +325,10 @@ def sensitivity(
         One row an index.
     """
     path = path_text(store)
-    chosen, found = drive_errors.sensitivity(path, candidate=candidate, points=points, replicates=replicates, seed=seed)
+    with crew_of(workers, scheduler) as crew:
+        chosen, found = drive_errors.sensitivity(
+            path, candidate=candidate, points=points, replicates=replicates, seed=seed, mapper=crew
+        )
     rows = [
         {
             "of": {"v_cm_s": "V", "closed": "closing"}[i.output],
@@ -401,16 +416,7 @@ def report(
 
     path = path_text(store)
     target = check_file(Path(default_name(path, ".html") if output is None else output), "output")
-    with open_crew(Placement(workers=workers, scheduler=scheduler)) as crew:
+    with crew_of(workers, scheduler) as crew:
         data = gather(path, mapper=crew)
     write_text(target, render_report(data), "output")
     return target
-
-
-def _check_main() -> None:
-    """A worker that imports the user's script would run it again, and start workers of its own."""
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        sys.stderr.write(
-            'softclose: workers import the script that starts them: put its calls under `if __name__ == "__main__":`\n'
-        )
-        os._exit(1)

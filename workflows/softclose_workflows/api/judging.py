@@ -10,9 +10,8 @@ from softclose.waveform import Trace, read_trace
 from softclose_workflows.analyses.assessed_trace import AssessedTrace, assess_trace
 from softclose_workflows.analyses.signing import Sheet, parsed_limits
 from softclose_workflows.analyses.signing import sign as held
+from softclose_workflows.api.placing import crew_of
 from softclose_workflows.api.results import Result, Store, differences_rows, metrics, path_text, warned
-from softclose_workflows.run.crew import open_crew
-from softclose_workflows.run.executors import Placement
 
 if TYPE_CHECKING:
     from softclose_workflows.analyses.engines import Compared
@@ -67,7 +66,13 @@ def sign(
 
 
 def assess(
-    source: Store, trace: Trace | str | os.PathLike[str], *, n_switches: int = 100_000, seed: int | None = None
+    source: Store,
+    trace: Trace | str | os.PathLike[str],
+    *,
+    n_switches: int = 100_000,
+    seed: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[AssessedTrace]:
     """Judge a drive that was recorded or drawn, as `softclose assess`.
 
@@ -81,6 +86,8 @@ def assess(
         New switches.
     seed
         Of their ensemble; by default that of the store's certificate.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -88,7 +95,7 @@ def assess(
         The drive, and the best waveform of a store on the same switches.
     """
     drive = trace if isinstance(trace, Trace) else read_trace(os.fspath(trace))
-    with open_crew(Placement()) as crew:
+    with crew_of(workers, scheduler) as crew:
         found = assess_trace(path_text(source), drive, n_switches=n_switches, seed=seed, mapper=crew)
     rows = [{"drive": "as recorded", **metrics(found.assessment)}]
     if found.best is not None and found.best_assessment is not None:
@@ -97,7 +104,9 @@ def assess(
     return Result(value=found, title=title, rows=rows, notes=warned(found.assessment))
 
 
-def compare(stores: Sequence[Store], *, fresh: int = 0) -> Result[list[Entry]]:
+def compare(
+    stores: Sequence[Store], *, fresh: int = 0, workers: int | None = None, scheduler: str | None = None
+) -> Result[list[Entry]]:
     """Compare the best designs of two or more campaigns, as `softclose compare`; `plot()` draws them.
 
     Parameters
@@ -106,6 +115,8 @@ def compare(stores: Sequence[Store], *, fresh: int = 0) -> Result[list[Entry]]:
         Paths, URLs, or what `run` returned.
     fresh
         Judge all on so many new switches; 0: as each store has it, certified or by its training score.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -120,7 +131,8 @@ def compare(stores: Sequence[Store], *, fresh: int = 0) -> Result[list[Entry]]:
     from softclose_workflows.figures.comparing import draw_comparison
     from softclose_workflows.report.comparison import differences, read_entries
 
-    entries = read_entries([path_text(store) for store in stores], fresh)
+    with crew_of(workers, scheduler) as crew:
+        entries = read_entries([path_text(store) for store in stores], fresh, mapper=crew)
     rows = [
         {"campaign": e.label, "judged on": e.basis, **({} if e.design is None else metrics(e.design.assessment))}
         for e in entries

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from softclose_store import open_campaign
 from softclose_workflows.analyses.chosen import Chosen
+from softclose_workflows.api.placing import crew_of
 from softclose_workflows.api.results import Result, Store, metrics, path_text
-from softclose_workflows.run.crew import open_crew
-from softclose_workflows.run.executors import Placement
 
 if TYPE_CHECKING:
     from softclose.uncertainty.devices import Propagated
@@ -28,6 +27,8 @@ def tails(
     methods: Sequence[Method] = (),
     n_switches: int = 1_000_000,
     candidate: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[list[tuple[Question, tuple[Tail, ...]]]]:
     """Estimate rare failures of a stored waveform, as `softclose tails`.
 
@@ -45,6 +46,8 @@ def tails(
         Of brute force.
     candidate
         By default the best certified one.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -58,7 +61,7 @@ def tails(
 
     path = path_text(store)
     config = CampaignConfig.from_dict(open_campaign(path).config)
-    with open_crew(Placement()) as crew:
+    with crew_of(workers, scheduler) as crew:
         chosen, found = analyse(
             path,
             questions(limits_cm_s or config.objective.limits_cm_s, left_open),
@@ -90,6 +93,8 @@ def drift(
     *,
     n_switches: int = 20_000,
     candidate: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[Drift]:
     """Show how far pull-in voltages may drift, as `softclose drift`; `plot()` draws v_u and the share left open.
 
@@ -105,6 +110,8 @@ def drift(
         New switches.
     candidate
         By default the best certified one.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -116,7 +123,7 @@ def drift(
     from softclose_workflows.figures.drifting import draw_drift
 
     path = path_text(store)
-    with open_crew(Placement()) as crew:
+    with crew_of(workers, scheduler) as crew:
         chosen, found = analyse(path, kind, values, candidate=candidate, n_switches=n_switches, mapper=crew)
     rows = [{"drift": r.drift, **metrics(r.assessment)} for r in found.rows]
     title = _title(path, chosen, f"pull-in voltages drifting by {kind}")
@@ -134,6 +141,8 @@ def propagate(
     n_switches: int = 4_000,
     seed: int = 0,
     candidate: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[Propagated]:
     """Show how certain figures are, given how few devices the lot was fitted to, as `softclose propagate`.
 
@@ -153,6 +162,8 @@ def propagate(
         Of the lots.
     candidate
         By default the best certified one.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -162,7 +173,7 @@ def propagate(
     from softclose_workflows.analyses.devices import propagate as run
 
     path = path_text(store)
-    with open_crew(Placement()) as crew:
+    with crew_of(workers, scheduler) as crew:
         chosen, found, notes = run(
             path,
             os.fspath(measurements),

@@ -12,10 +12,9 @@ from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import open_campaign
 from softclose_workflows.analyses.chosen import choose
+from softclose_workflows.api.placing import crew_of
 from softclose_workflows.api.results import Result, Store, path_text
 from softclose_workflows.errors import ExportError
-from softclose_workflows.run.crew import open_crew
-from softclose_workflows.run.executors import Placement
 from softclose_workflows.tell.outputs import check_file, write_text
 
 if TYPE_CHECKING:
@@ -184,7 +183,14 @@ def _front_figure(rows: Sequence[dict[str, Any]], objectives: Sequence[str]) -> 
 
 
 def opening(
-    store: Store, *, at_us: float | None = None, brake: int = 0, n_switches: int = 10_000, candidate: int | None = None
+    store: Store,
+    *,
+    at_us: float | None = None,
+    brake: int = 0,
+    n_switches: int = 10_000,
+    candidate: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Result[Openings]:
     """Show how the switches open at release, as `softclose opening`; `plot()` draws their motion.
 
@@ -200,6 +206,8 @@ def opening(
         New switches.
     candidate
         By default the best certified one.
+    workers, scheduler
+        Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
@@ -210,7 +218,7 @@ def opening(
     from softclose_workflows.figures.opening import draw_opening
 
     path = path_text(store)
-    with open_crew(Placement(), store=path) as crew:
+    with crew_of(workers, scheduler, store=path) as crew:
         found = analyse(
             path, at_us=at_us, candidate=candidate, brake=brake, n_switches=n_switches, mapper=crew, listener=None
         )
