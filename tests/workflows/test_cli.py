@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 import softclose_workflows
 from softclose import __version__
-from softclose_workflows.cli import COMMANDS, main
+from softclose_workflows.cli import COMMANDS, folded, main
 
 HEAVY = ["dask", "distributed", "matplotlib", "numba", "numpy", "pandas", "pydantic", "rich", "scipy"]
 HEAVY += ["skopt", "sklearn", "xarray", "zarr"]
@@ -51,6 +51,22 @@ def test_every_command_has_help_with_examples_that_parse(path: tuple[str, ...], 
     for example in examples:
         words = shlex.split(re.split(r" [|>] | && ", example)[0], comments=True)[1:]
         parse(main, words)
+
+
+@pytest.mark.parametrize(("path", "command"), EVERY, ids=[" ".join(p) or "softclose" for p, _ in EVERY])
+def test_help_fits_80_columns(path: tuple[str, ...], command: click.Command) -> None:
+    wide = [line for line in softclose(*path, "--help").output.splitlines() if len(line) > 80]
+    assert wide == []
+
+
+def test_an_example_that_is_folded_is_the_same_command() -> None:
+    example = """  softclose bench tell a.zarr 5 b.csv --reason "a guess, no more" --json | jq '.a | .b'"""
+    for width in (30, 45, 60, 200):
+        lines = folded(example, width).split("\n")
+        assert shlex.split(" ".join(line.removesuffix("\\") for line in lines)) == shlex.split(example)
+        assert all(len(line) <= width for line in lines)
+        assert all(line.endswith(" \\") for line in lines[:-1])
+    assert folded(example, 200) == example
 
 
 def parse(command: click.Command, words: list[str]) -> None:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import io
+import math
+import os
 import re
+import sys
 
 import pytest
 from rich.console import Console
 from rich.table import Table
 
+from softclose_workflows import terminal
 from softclose_workflows.tell import console as consoles
+from softclose_workflows.tell import labels
 from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.tables import ends, points, with_interval
 
 
 def table() -> Table:
@@ -63,3 +69,27 @@ def test_other_things_are_printed_as_they_are(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("sys.stdout", out)
     consoles.wide_console().print("best: candidate 3")
     assert out.getvalue() == "best: candidate 3\n"
+
+
+def test_a_negative_number_has_a_minus_sign_everywhere_and_a_rounded_zero_has_none() -> None:
+    assert with_interval(-8.954, -9.1, -8.7) == "−8.95 (−9.10 to −8.70)"
+    assert with_interval(0.0001, -0.0001, 0.0004) == "0.00 (0.00–0.00)"
+    assert points(-0.0069, -0.0083, -0.0054) == "−0.69 (−0.83 to −0.54)"
+    assert ends(-0.001, math.inf, 2, "+") == "+0.00 to +∞"
+    assert labels.signed(-0.001, 2) == "+0.00"
+    assert labels.number(-0.001, 2) == "0.00"
+
+
+def test_a_sentence_is_folded_between_words_at_a_terminal_and_whole_in_a_log(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = "  candidate 56 holds with 74.76 V, and one switch needs more: see runs/a-long-path-that-nothing-cuts.zarr"
+    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((40, 24)))
+    terminal.say(said)
+    assert capsys.readouterr().out == f"{said}\n"
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    terminal.say(said)
+    lines = capsys.readouterr().out.splitlines()
+    assert " ".join(line.strip() for line in lines) == said.strip()
+    assert all(line.startswith("  ") for line in lines)
+    assert [line for line in lines if len(line) > 40] == ["  runs/a-long-path-that-nothing-cuts.zarr"]

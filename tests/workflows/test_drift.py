@@ -42,7 +42,7 @@ def test_it_says_where_v_u_has_doubled_and_draws_it(store: str, tmp_path: Path) 
     figure = tmp_path / "drift.png"
     told = _drift(store, "--at", "-0.01", "--at", "0.02", "--switches", "500", "--figure", str(figure))
     assert "none" in told
-    assert "v_u has not doubled at -1 %" in told
+    assert "v_u has not doubled at −1 %" in told
     assert "+2 %" in told
     with Image.open(figure) as image:
         assert image.size[0] > 500
@@ -57,11 +57,11 @@ def test_the_words_follow_the_numbers() -> None:
             self.drift, self.assessment = drift, SimpleNamespace(p_nc=p_nc)
 
     found = Drift(kind="stiffness", rows=(Row(-0.1), Row(0.0), Row(0.1)), doubled=(-float("inf"), 0.0731))  # type: ignore[arg-type]
-    assert sentences(found) == ["v_u has not doubled at -10 %", "v_u has doubled at +7.31 %"]
+    assert sentences(found) == ["v_u has not doubled at −10 %", "v_u has doubled at +7.31 %"]
     never = (-float("inf"), float("inf"))
     open_ = Drift(kind="charge", rows=(Row(-16.0, 0.7), Row(0.0), Row(16.0, 1.0)), doubled=never)  # type: ignore[arg-type]
     assert sentences(open_) == [
-        "at -16 V 70.0% of the switches stay open: v_u is none of the lot there",
+        "at −16 V 70.0% of the switches stay open: v_u is none of the lot there",
         "at +16 V all switches stay open: v_u is none of the lot there",
     ]
 

@@ -285,7 +285,7 @@ def test_the_page_says_how_they_close_and_what_a_drive_that_is_a_little_off_does
     certification = certified.certification
     assert certification is not None
     off = headline(certified)["drive_off"]
-    assert [row[0][0] for row in off] == ["Volts -3 %", "Volts -1 %", "As it is", "Volts +1 %", "Volts +3 %"]
+    assert [row[0][0] for row in off] == ["Volts −3 %", "Volts −1 %", "As it is", "Volts +1 %", "Volts +3 %"]
     for row, said in zip(certification.drive_off, off, strict=True):
         assert said[1][0] == f"{labels.number(row.assessment.v_u_cm_s, 2)} cm/s"
         assert said[2][0] == labels.percent(row.assessment.p_nc, 2)

@@ -95,6 +95,26 @@ def test_no_button_offers_to_send_a_chart_anywhere(visit: Visit) -> None:
     assert set(titles) == {"Download plot", "Zoom", "Pan", "Zoom in", "Zoom out", "Reset axes"}
 
 
+def test_a_plot_is_one_stop_of_the_tab_key_and_the_arrows_reach_its_tools(visit: Visit) -> None:
+    """Six buttons beside each plot were six stops more: 250 to get past the figures."""
+    page = visit.page
+    stops = page.eval_on_selector_all(
+        ".plot.js-plotly-plot", "p => p.map(e => [e, ...e.querySelectorAll('*')].filter(c => c.tabIndex >= 0).length)"
+    )
+    assert set(stops) == {1}
+    plot = page.locator(".plot[data-figure=convergence]")
+    plot.focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    second = plot.locator(".modebar-btn").nth(1).get_attribute("data-title")
+    focused = "() => [document.activeElement.dataset.title, document.activeElement.dataset.figure]"
+    assert page.evaluate(focused) == [second, None]
+    page.keyboard.press("Escape")
+    assert page.evaluate(focused) == [None, "convergence"]
+    page.keyboard.press("Tab")
+    assert page.evaluate("() => document.activeElement.closest('[data-figure=convergence]') === null")
+
+
 def test_table_sorts_by_mouse_and_by_keyboard(visit: Visit) -> None:
     page = visit.page
     first = "() => [...document.querySelectorAll('#table tbody tr')].map(r => Number(r.dataset.candidate))"

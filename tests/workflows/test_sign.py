@@ -32,7 +32,7 @@ from softclose_workflows.analyses.signing import (
     verdict_of,
 )
 from softclose_workflows.cli import main
-from softclose_workflows.report.sign_page import render_sign
+from softclose_workflows.report.sign_page import judged, render_sign
 
 N = 400
 
@@ -143,6 +143,7 @@ def test_another_waveform_has_another_hash(store: str) -> None:
         (["=3"], "has no limit here"),
         (["vu=3"], "did you mean 'v_u'"),
         (["peak=5%"], "is in V"),
+        (["impacts=20%"], "impacts is a number"),
         *[([f"{name}=3"], "has no limit here") for name in ASK_IMPACTS],
     ],
 )
@@ -168,6 +169,51 @@ def test_without_a_certificate_nothing_is_signed(store: str, tmp_path: Path) -> 
     assert done.exit_code == 2
     assert "softclose certify" in done.output
     assert not (tmp_path / "a.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ({}, "No limits were given: nothing is judged"),
+        ({"v_u": 1e3}, f"The one limit given is met; {len(SHOWN) - 1} of the {len(SHOWN)} quantities below"),
+        ({"v_u": 1e3, "peak": 1e3}, f"All 2 limits given are met; {len(SHOWN) - 2} of the {len(SHOWN)} quantities"),
+        ({"v_u": 1e3, "peak": 1.0}, f"1 of the 2 limits given is missed; {len(SHOWN) - 2} of"),
+    ],
+)
+def test_the_verdict_says_how_many_limits_it_rests_on(store: str, limits: dict[str, float], said: str) -> None:
+    """One limit met, of ten quantities shown, is not "all limits"."""
+    assert said in judged(sign(store, limits))
+
+
+def test_a_limit_on_every_quantity_leaves_none_without(store: str) -> None:
+    sheet = sign(store, {name: 1e6 if QUANTITIES[name].better == "low" else -1e6 for name in SHOWN})
+    assert f"{len(SHOWN)} limits given " in judged(sheet)
+    assert "have no limit" not in judged(sheet)
+
+
+def test_the_sheet_warns_where_the_waveform_hardly_holds(store: str, tmp_path: Path) -> None:
+    well = sign(store, {})
+    best = well.holds[0]
+    needs = replace(best, least_V=-8.5, held_V=74.0)
+    weak = replace(well, holds=(needs, *well.holds[1:]))
+    said = "holds with 74.00 V, and one switch needs 8.50 V more to stay closed"
+    assert said in render_sign(weak)
+    assert said in sheet_to_json(weak)["hold_warning"]
+    assert sheet_to_json(weak)["hold"][0]["least_V"] == -8.5
+    strong = replace(well, holds=(replace(best, least_V=0.5 * best.held_V), *well.holds[1:]))
+    assert "to stay closed" not in render_sign(strong)
+    assert sheet_to_json(strong)["hold_warning"] is None
+    # The sheet's own holds are those of the certificate's switches.
+    told = CliRunner().invoke(main, ["certify", store, "--switches", str(N), "--top", "2", "--json"])
+    assert json.loads(told.output)["hold"][0]["least_V"] == pytest.approx(best.least_V)
+
+
+def test_how_many_impacts_there_are_is_no_share_of_anything(store: str) -> None:
+    """Fifteen impacts were printed as 1500.00 % (1500.00–100.00 %)."""
+    sheet = sign(store, {})
+    line = next(line for line in sheet.lines if line.quantity.name == "impacts")
+    low, high = line.value.interval
+    assert f'>{line.value.estimate:.0f}</td><td class="n">{low:.0f}–{high:.0f}</td>' in render_sign(sheet)
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs chromium, which is not installed")

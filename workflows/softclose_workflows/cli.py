@@ -30,9 +30,41 @@ Examples:
 
 \b
 Exit codes: 0 done; 1 the store is damaged, `softclose verify STORE --repair`;
-2 bad input, nothing was changed; 3 stopped before the end, nothing committed
-is lost and `softclose resume STORE` continues; 4 a limit of `sign` is not met.
+2 bad input, nothing was changed; 3 stopped before the end, nothing
+committed is lost and `softclose resume STORE` continues; 4 a limit of `sign`
+is not met.
 """
+
+
+class ExampleFormatter(click.HelpFormatter):
+    """Continues an example that is wider than the page on the next line, as a shell reads it."""
+
+    def write(self, string: str) -> None:
+        """Write text; what is too wide and begins with the program's name is folded between arguments."""
+        super().write(_EXAMPLE.sub(lambda found: folded(found[0], self.width), string))
+
+
+_EXAMPLE = re.compile(r"^ +softclose .*$", re.MULTILINE)
+_ARGUMENT = re.compile(r"""(?:"[^"]*"|'[^']*'|[^\s"'])+""")
+
+
+def folded(example: str, width: int) -> str:
+    """An indented command line in lines of at most `width` characters; no argument is cut, however long."""
+    indent = example[: len(example) - len(example.lstrip())]
+    lines = [indent]
+    for argument in _ARGUMENT.findall(example):
+        if lines[-1].strip() and len(f"{lines[-1]} {argument} \\") > width and len(example) > width:
+            lines[-1] += " \\"
+            lines.append(f"{indent}    {argument}")
+        else:
+            lines[-1] += f" {argument}" if lines[-1].strip() else argument
+    return "\n".join(lines)
+
+
+class HelpContext(click.Context):
+    """Of every command: its help fits the page."""
+
+    formatter_class = ExampleFormatter
 
 
 class CommandGroup(click.Group):
@@ -160,8 +192,11 @@ COMMANDS = {
 """Modules of `commands`, each with what it does, in the groups and the order of `--help`. A module holds a command of
 its own name."""
 
+main.context_class = HelpContext
 for _group in COMMANDS.values():
     for _name, _does in _group.items():
         _command = getattr(importlib.import_module(f"softclose_workflows.commands.{_name}"), _name)
         _command.short_help = _does
+        for _each in (_command, *getattr(_command, "commands", {}).values()):
+            _each.context_class = HelpContext
         main.add_command(_command)

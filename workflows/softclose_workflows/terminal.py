@@ -6,6 +6,9 @@ order to the terminal (its title, its clipboard, a cleared screen). Everything t
 
 from __future__ import annotations
 
+import shutil
+import sys
+import textwrap
 import time
 import unicodedata
 from collections.abc import Callable
@@ -28,8 +31,21 @@ def visible(text: str) -> str:
 
 
 def say(text: object, *, err: bool = False) -> None:
-    """Print a line."""
-    click.echo(visible(str(text)), err=err)
+    """Print a line; a terminal gets it folded between words, a pipe or a log as it is."""
+    line = visible(str(text))
+    if (sys.stderr if err else sys.stdout).isatty():
+        line = fitted(line, shutil.get_terminal_size().columns)
+    click.echo(line, err=err)
+
+
+def fitted(text: str, width: int) -> str:
+    """Text folded between words to a width; what has no space, such as a path, stays whole."""
+    wrapper = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False, replace_whitespace=False)
+    lines = []
+    for line in text.split("\n"):
+        wrapper.subsequent_indent = line[: len(line) - len(line.lstrip())]
+        lines.append(wrapper.fill(line) if len(line) > width else line)
+    return "\n".join(lines)
 
 
 class Minutely:

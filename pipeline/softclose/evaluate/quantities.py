@@ -154,6 +154,11 @@ class Quantity:
     uses: frozenset[Use] = EVERY_USE
     """What it may be: objective, limit, axis of a front, line of a report."""
 
+    @property
+    def is_share(self) -> bool:
+        """Whether it is a share of the lot, which people read in per cent; how many impacts a switch has is none."""
+        return self.unit == "1" and self.per == "lot"
+
     def of(self, closing: Closing) -> Value:
         """Its value, with a distribution-free interval of order statistics where it is of every switch."""
         found, a = np.asarray(self.values(closing), dtype=np.float64), closing.judged

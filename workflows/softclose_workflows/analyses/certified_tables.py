@@ -13,7 +13,7 @@ from softclose_workflows.analyses.hold import Hold, hold_lines
 from softclose_workflows.analyses.opening import openings_to_json, print_openings
 from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.tell.console import wide_console
-from softclose_workflows.tell.labels import in_percent
+from softclose_workflows.tell.labels import in_percent, signed
 from softclose_workflows.tell.plain import finite, waveform_rows
 from softclose_workflows.tell.tables import beside, ends, interval_kinds, print_designs, with_interval
 
@@ -104,11 +104,11 @@ def _label(result: Certification, design: Certified) -> str:
 
 
 def comparison_line(c: Comparison) -> str:
-    """`v_u -21.40 (-21.90 to -20.80) cm/s, softer on 97.1 % of the switches, left open +1.23 (…) points`."""
+    """`v_u −21.40 (−21.90 to −20.80) cm/s, softer on 97.1 % of the switches, left open +1.23 (…) points`."""
     speed = (
         "no difference of v_u, since too few switches touch under one of them"
         if math.isnan(c.v_u_cm_s)
-        else f"v_u {c.v_u_cm_s:+.2f} ({ends(*c.v_u_interval, sign='+')}) cm/s"
+        else f"v_u {signed(c.v_u_cm_s, 2)} ({ends(*c.v_u_interval, sign='+')}) cm/s"
     )
     softer = (
         f"softer on {in_percent(c.softer.estimate, 1)} of the switches"
@@ -116,7 +116,7 @@ def comparison_line(c: Comparison) -> str:
         else "no switch touches under both"
     )
     low, high = (100.0 * end for end in c.p_nc_interval)
-    return f"{speed}, {softer}, left open {100.0 * c.p_nc:+.2f} ({ends(low, high, 2, '+')}) points"
+    return f"{speed}, {softer}, left open {signed(100.0 * c.p_nc, 2)} ({ends(low, high, 2, '+')}) points"
 
 
 def _proportion(p: Proportion) -> str:

@@ -58,8 +58,9 @@ def drift(
 
 
 def shown(kind: DriftKind, value: float) -> str:
-    """`+2 %`, `-1.5 V`."""
-    return f"{100.0 * value:+.3g} %" if kind == "stiffness" else f"{value:+.3g} V"
+    """`+2 %`, `−1.5 V`."""
+    said = f"{100.0 * value:+.3g} %" if kind == "stiffness" else f"{value:+.3g} V"
+    return said.replace("-", "−")
 
 
 def sentences(found: Drift) -> list[str]:

@@ -13,6 +13,7 @@ from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check, check_fresh, of_ensemble
 from softclose_workflows.tell.console import OnStep
+from softclose_workflows.tell.labels import signed
 
 
 def tolerance(
@@ -91,7 +92,7 @@ def describe(error: DriveError) -> str:
     """`gain +1 %`, `perfect`, …"""
     parts = []
     if error.gain:
-        parts.append(f"gain {100.0 * error.gain:+.2f} %")
+        parts.append(f"gain {signed(100.0 * error.gain, 2)} %")
     if error.gain_sd:
         parts.append(f"gain ± {100.0 * error.gain_sd:.2f} % (sd)")
     if error.jitter_us:

@@ -17,6 +17,7 @@ from softclose.settings import CampaignConfig
 from softclose.uncertainty.tolerance import driven
 from softclose.waveform import Waveform
 from softclose_workflows.tell.console import wide_console
+from softclose_workflows.tell.labels import signed
 from softclose_workflows.tell.plain import finite
 from softclose_workflows.tell.tables import share, with_interval
 
@@ -42,7 +43,7 @@ class DriveOff:
     @property
     def name(self) -> str:
         """`volts +1 %`; `as it is`."""
-        return f"volts {100.0 * self.gain:+g} %" if self.gain else "as it is"
+        return f"volts {signed(100.0 * self.gain, 0)} %" if self.gain else "as it is"
 
 
 def off_by_drive(

@@ -18,6 +18,7 @@ from softclose.plugins import MEASURED
 from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certification import Certification
 from softclose_workflows.analyses.certify import fresh_switches
+from softclose_workflows.tell.labels import number
 from softclose_workflows.tell.tables import with_interval
 
 MARGIN = "hold_margin"
@@ -87,22 +88,32 @@ def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold
     return tuple(found)
 
 
-def hold_lines(holds: Sequence[Hold], level: float) -> list[str]:
-    """The best design's hold beside that of the references, and a warning where little is left; [] without any."""
+def hold_line(holds: Sequence[Hold], level: float) -> str | None:
+    """The best design's hold beside that of the references; None where nothing is known of it."""
     if not holds:
-        return []
+        return None
     best, *others = holds
     margin = with_interval(best.margin_V.estimate, *best.margin_V.interval)
     said = f"hold margin: {100.0 * level:g} % of the switches are held {margin} V or more above the voltage at which "
-    said += f"they let go, the least is {best.least_V:.2f} V ({best.held_V:.2f} V held)"
-    beside = [f"{h.name} {h.margin_V.estimate:.2f} V, the least {h.least_V:.2f} V" for h in others]
-    lines = ["; ".join([said, *beside])]
-    if best.least_V < SMALL * best.held_V:
-        what = f"holds one switch with only {best.least_V:.2f} V to spare of {best.held_V:.2f} V"
-        if best.least_V < 0.0:
-            what = f"holds with {best.held_V:.2f} V, and one switch needs {-best.least_V:.2f} V more to stay closed"
-        lines.append(
-            f"WARNING: {best.name} {what}: "
-            "part of its softness may be bought with hold, which creep, charge and a sagging supply take away"
-        )
-    return lines
+    said += f"they let go, the least is {number(best.least_V, 2)} V ({best.held_V:.2f} V held)"
+    beside = [f"{h.name} {number(h.margin_V.estimate, 2)} V, the least {number(h.least_V, 2)} V" for h in others]
+    return "; ".join([said, *beside])
+
+
+def hold_warning(holds: Sequence[Hold]) -> str | None:
+    """That the best design leaves little, or nothing, of its hold voltage to one switch; None where it does not."""
+    if not holds or holds[0].least_V >= SMALL * holds[0].held_V:
+        return None
+    best = holds[0]
+    what = f"holds one switch with only {best.least_V:.2f} V to spare of {best.held_V:.2f} V"
+    if best.least_V < 0.0:
+        what = f"holds with {best.held_V:.2f} V, and one switch needs {-best.least_V:.2f} V more to stay closed"
+    return (
+        f"WARNING: {best.name} {what}: "
+        "part of its softness may be bought with hold, which creep, charge and a sagging supply take away"
+    )
+
+
+def hold_lines(holds: Sequence[Hold], level: float) -> list[str]:
+    """What is said of hold at a terminal, the warning last; [] where nothing is known of it."""
+    return [*filter(None, [hold_line(holds, level), hold_warning(holds)])]

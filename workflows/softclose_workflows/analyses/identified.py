@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softclose_workflows.tell.console import wide_console
-from softclose_workflows.tell.labels import in_percent
+from softclose_workflows.tell.labels import in_percent, signed
 from softclose_workflows.tell.plain import finite
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def print_identified(found: Identified, files: Sequence[Path], said: Sequence[st
             rows.add_column(column, justify="left" if column in ("reading", "device") else "right")
         for r, value in zip(found.readings, found.said, strict=True):
             unit = UNITS[r.kind]
-            off = f"{100.0 * (value / r.value - 1.0):+.1f} %"
+            off = f"{signed(100.0 * (value / r.value - 1.0))} %"
             rows.add_row(r.name, r.device, f"{r.value:.5g} {unit}".rstrip(), f"{value:.5g} {unit}".rstrip(), off)
         console.print(rows)
     for each in found.untold:

@@ -109,7 +109,7 @@ def slow_lines(best: Assessment, step: Assessment) -> list[str]:
     limit = 0.5 * (best.closing_us + step.closing_us)
     return [
         f"the best candidate takes {best.closing_us:.3g} µs to close, a step {step.closing_us:.3g}: where that is too "
-        f"slow, say until when a switch must be closed and search again (such as objective.closed_by_us={limit:.2g})"
+        f"slow, say until when a switch must be closed and search again (such as objective.closed_by_us={limit:.0f})"
     ]
 
 

@@ -24,6 +24,7 @@ from softclose_store import open_campaign
 from softclose_workflows.analyses.certification import Certification, Certified
 from softclose_workflows.analyses.certify import fresh_switches, read_certification
 from softclose_workflows.analyses.drive_off import drive_off_to_json
+from softclose_workflows.analyses.hold import Hold, hold_warning, holds_of
 from softclose_workflows.analyses.references import UNSHAPED
 from softclose_workflows.tell.assumptions import assumptions
 from softclose_workflows.tell.plain import finite, waveform_rows
@@ -72,6 +73,8 @@ class Sheet:
     """What it rests on."""
     lines: tuple[Line, ...]
     """Every quantity that is shown."""
+    holds: tuple[Hold, ...]
+    """How the waveform and the references hold the switches; () where the model does not tell."""
     date: str
     """When it was written, UTC."""
 
@@ -88,6 +91,16 @@ class Sheet:
             if verdict in found:
                 return cast(SheetVerdict, verdict)
         return "not judged"
+
+    @property
+    def n_limits(self) -> int:
+        """How many limits the verdict rests on."""
+        return sum(line.limit is not None for line in self.lines)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader has to know whatever the verdict: many switches left open, hardly held."""
+        return [*filter(None, [self.best.assessment.open_warning, hold_warning(self.holds)])]
 
     @property
     def unshaped(self) -> Certified | None:
@@ -117,8 +130,11 @@ def parsed_limits(texts: Sequence[str], table: Mapping[str, Any] | None = None) 
             value = math.nan
         if not equals or not math.isfinite(value):
             raise SignError(f"limit {text!r} is not NAME=NUMBER; give, for example, v_u=20 or p_nc=5%")
-        if share and name.strip() in QUANTITIES and quantity(name.strip()).unit != "1":
-            raise SignError(f"limit {text!r} is in per cent; {name.strip()} is in {quantity(name.strip()).unit}")
+        if share and name.strip() in QUANTITIES and not quantity(name.strip()).is_share:
+            unit = quantity(name.strip()).unit
+            raise SignError(
+                f"limit {text!r} is in per cent; {name.strip()} is {'a number' if unit == '1' else f'in {unit}'}"
+            )
         found[name.strip()] = value / 100.0 if share else value
     allowed = [name for name in QUANTITIES if name not in ASK_IMPACTS]
     for name in found:
@@ -154,6 +170,7 @@ def sign(path: str, limits: Mapping[str, float]) -> Sheet:
         runtime=campaign.runtime,
         certification=certification,
         lines=tuple(_line(quantity(name), closing, limits.get(name)) for name in names),
+        holds=holds_of(config, certification),
         date=time.strftime("%Y-%m-%d", time.gmtime()),
     )
 
@@ -200,6 +217,8 @@ def sheet_to_json(sheet: Sheet) -> dict[str, Any]:
         {
             "verdict": sheet.verdict,
             "warning": best.assessment.open_warning,
+            "hold_warning": hold_warning(sheet.holds),
+            "hold": [hold.to_dict() for hold in sheet.holds],
             "limits": [
                 {
                     "quantity": line.quantity.name,

@@ -13,6 +13,7 @@ from softclose.metrics.objective import Assessment
 from softclose.waveform import Waveform
 from softclose_store import Campaign, open_campaign
 from softclose_store import path_text as path_text
+from softclose_workflows.tell.labels import points, signed
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing, read_standing
 from softclose_workflows.tell.tables import beside, describe_waveform, n_failed_of, share
@@ -170,7 +171,7 @@ def metrics(a: Assessment) -> dict[str, float]:
 def differences_rows(found: Sequence[tuple[str, str, Comparison]]) -> list[str]:
     """A sentence a difference of two campaigns on the same switches."""
     return [
-        f"{label} against {first}: v_u {c.v_u_cm_s:+.2f} cm/s, left open {100.0 * c.p_nc:+.2f} points"
+        f"{label} against {first}: v_u {signed(c.v_u_cm_s, 2)} cm/s, left open {points(c.p_nc)}"
         for label, first, c in found
     ]
 

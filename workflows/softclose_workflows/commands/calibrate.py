@@ -14,8 +14,8 @@ from softclose_workflows.commands.options import columns_option
     epilog="\b\nExamples:\n  softclose calibrate measurements.csv -o mine.toml --figure mine.svg\n"
     "  softclose run current --set population.name=mine.toml --store runs/mine.zarr\n"
     "  softclose calibrate closing.csv voltages.csv --of cantilever --fix K -o mine.toml\n\n\b\n"
-    "The table needs the columns G_um, D_um, T_um and pull_in_V (or G_um, D_um, pull_in_V and resonance_kHz), one "
-    "device a line; separators, decimal sign and encoding are found."
+    "The table needs the columns G_um, D_um, T_um and pull_in_V (or G_um, D_um,\n"
+    "pull_in_V and resonance_kHz), one device a line; separators, decimal sign\nand encoding are found."
 )
 @click.argument("measurements", metavar="CSV...", nargs=-1, required=True)
 @click.option(

@@ -7,8 +7,8 @@ import click
 
 @click.command(
     epilog="\b\nExamples:\n"
-    '  eval "$(softclose completion bash)"                  # this shell; put it into ~/.bashrc for all\n'
-    '  eval "$(softclose completion zsh)"                   # ~/.zshrc\n'
+    '  eval "$(softclose completion bash)"   # put it into ~/.bashrc for all shells\n'
+    '  eval "$(softclose completion zsh)"    # ~/.zshrc\n'
     "  softclose completion fish > ~/.config/fish/completions/softclose.fish"
 )
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))

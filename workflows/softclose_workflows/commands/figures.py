@@ -31,7 +31,13 @@ NAMES = (
 @click.option(
     "--format", "formats", multiple=True, type=click.Choice(["png", "svg", "pdf"]), help="Only this format; repeatable."
 )
-@click.option("--only", multiple=True, type=click.Choice(NAMES), help="Only this figure; repeatable.")
+@click.option(
+    "--only",
+    multiple=True,
+    type=click.Choice(NAMES),
+    metavar="FIGURE",
+    help=f"Only this figure; repeatable: {', '.join(NAMES)}.",
+)
 @quiet_option
 def figures(store: str, output: str | None, formats: tuple[str, ...], only: tuple[str, ...], quiet: bool) -> None:
     """Write the figures of the campaign in STORE for publication, as PNG (300 dpi), SVG and PDF."""

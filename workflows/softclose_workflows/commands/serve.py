@@ -7,7 +7,7 @@ import click
 
 @click.command(
     epilog="\b\nExamples:\n  softclose serve runs\n  softclose serve runs --port 8051\n\n\b\n"
-    "From another machine: ssh -L 8050:127.0.0.1:8050 HOST, then http://127.0.0.1:8050/"
+    "From another machine: ssh -L 8050:127.0.0.1:8050 HOST, then\nhttp://127.0.0.1:8050/"
 )
 @click.argument("folder", metavar="FOLDER", type=click.Path())
 @click.option("--port", type=click.IntRange(0, 65535), default=8050, show_default=True, help="0: any that is free.")

@@ -49,6 +49,7 @@ def sign(
     from softclose_workflows.tell.console import working
     from softclose_workflows.tell.outputs import check_file, default_name, say_written, write_text
     from softclose_workflows.tell.plain import json_text
+    from softclose_workflows.terminal import say
 
     table = None if file is None else read_tables(at_home(file), "the file of limits", SignError)
     limits = parsed_limits(texts, table)
@@ -63,8 +64,8 @@ def sign(
         write_text(path, render_sign(sheet))
         if not quiet:
             click.echo(f"verdict: {sheet.verdict}")
-            if sheet.best.assessment.open_warning:
-                click.echo(sheet.best.assessment.open_warning)
+            for warning in sheet.warnings:
+                say(warning)
             say_written([path])
     if sheet.verdict in ("fail", "not established"):
         ctx.exit(EXIT_NOT_PASSED)

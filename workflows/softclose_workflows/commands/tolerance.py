@@ -56,6 +56,7 @@ def tolerance(
     from softclose_workflows.analyses.drive_errors import tolerance as run
     from softclose_workflows.run.crew import open_crew
     from softclose_workflows.tell.console import bar, wide_console
+    from softclose_workflows.tell.labels import signed
     from softclose_workflows.tell.plain import json_text, waveform_rows
     from softclose_workflows.tell.tables import points, share_open, with_interval
 
@@ -112,7 +113,7 @@ def tolerance(
         table.add_row(
             describe(r.error),
             with_interval(a.v_u_cm_s, *a.v_u_interval),
-            f"{r.v_u_shift_cm_s:+.2f}",
+            signed(r.v_u_shift_cm_s, 2),
             share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
             points(r.p_nc_shift),
             f"{a.g_cm_s:.2f}",

@@ -10,7 +10,7 @@ from softclose.metrics.objective import Assessment
 from softclose.metrics.paired import Comparison
 from softclose.propose.origins import ORIGINS, label_of
 from softclose_workflows.analyses.certify import Certification
-from softclose_workflows.analyses.hold import hold_lines, holds_of
+from softclose_workflows.analyses.hold import Hold, hold_line, hold_warning, holds_of
 from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.drive_picture import drive_picture
@@ -35,6 +35,7 @@ def headline(data: ReportData) -> dict[str, Any]:
     if not designs or data.best is None:
         return {"rows": [], "certified": None, "n": "0", "valid": True, "confidence": 95.0}
     best, a = designs[0], designs[0].assessment
+    holds = _held(data)
     return {
         "candidate": data.best,
         "pulses": pulse_lines([tuple(row) for row in best.waveform.rows().tolist()])
@@ -51,9 +52,9 @@ def headline(data: ReportData) -> dict[str, Any]:
         "valid": a.intervals_valid,
         "n": count(a.n),
         "confidence": 100.0 * a.confidence,
-        "said": [*([a.limit.sentence] if a.limit is not None else []), *_failed(a), *_held(data)],
+        "said": [*filter(None, [a.limit and a.limit.sentence, *_failed(a), hold_line(holds, a.level)])],
         "warnings": [
-            *filter(None, [a.open_warning]),
+            *filter(None, [a.open_warning, hold_warning(holds)]),
             *beaten_lines(a, {d.name: d.assessment for d in designs[1:]}),
             *missing_lines(data.judged_missing),
         ],
@@ -64,11 +65,9 @@ def headline(data: ReportData) -> dict[str, Any]:
     }
 
 
-def _held(data: ReportData) -> list[str]:
-    """How the certified design holds its lot, beside the references."""
-    if data.certification is None:
-        return []
-    return hold_lines(holds_of(data.config, data.certification), data.config.objective.level)
+def _held(data: ReportData) -> tuple[Hold, ...]:
+    """How the certified design and the references hold their lot."""
+    return () if data.certification is None else holds_of(data.config, data.certification)
 
 
 def found_by(data: ReportData) -> str:

@@ -24,7 +24,8 @@ def render_sign(sheet: Sheet) -> str:
         "sign.html.j2",
         sheet=sheet,
         verdict=sheet.verdict,
-        warning=sheet.best.assessment.open_warning,
+        judged=judged(sheet),
+        warnings=sheet.warnings,
         lines=[_cells(line, a.level) for line in sheet.lines],
         candidate=best.candidate,
         n=count(sheet.certification.n_switches),
@@ -40,24 +41,40 @@ def render_sign(sheet: Sheet) -> str:
     )
 
 
+def judged(sheet: Sheet) -> str:
+    """The verdict in words, and how many limits it rests on."""
+    n, shown = sheet.n_limits, len(sheet.lines)
+    if n == 0:
+        return "No limits were given: nothing is judged"
+    such = sum(line.verdict == sheet.verdict for line in sheet.lines)
+    which = "The one limit" if n == 1 else f"All {n} limits" if such == n else f"{such} of the {n} limits"
+    became = {"pass": "met", "fail": "missed"}.get(sheet.verdict, sheet.verdict)
+    rest = f"; {shown - n} of the {shown} quantities below have no limit" if n < shown else ""
+    return f"{which} given {'is' if such == 1 else 'are'} {became}{rest}"
+
+
 def _cells(line: Line, level: float) -> dict[str, str]:
-    q, share = line.quantity, line.quantity.unit == "1"
-    unit = "" if share else f" {q.unit}"
+    q, share = line.quantity, line.quantity.is_share
+    digits = 0 if q.unit == "1" and not share else 2
 
     def shown(value: float) -> str:
-        return percent(value, 2) if share else f"{number(value, 2)}{unit}"
+        return percent(value, 2) if share else f"{number(value, digits)} {q.unit.removeprefix('1')}".rstrip()
 
     low, high = line.value.interval
-    bounds = "exact" if q.per == "drive" else percent_interval(low, high, 2) if share else interval(low, high, 2)
+    bounds = "exact" if q.per == "drive" else percent_interval(low, high, 2) if share else interval(low, high, digits)
     sign = "at most" if q.better == "low" else "at least"
     what = q.long_name
     if q.per == "switch":
         what += f", {100.0 * level:g} % of the switches {'at most' if q.better == 'low' else 'at least'}"
     return {
-        "what": what[:1].upper() + what[1:],
+        "what": _capital(what),
         "value": "not known" if math.isnan(line.value.estimate) else shown(line.value.estimate),
         "interval": bounds,
         "limit": "–" if line.limit is None else f"{sign} {shown(line.limit)}",
         "verdict": VERDICTS[line.verdict],
         "kind": line.verdict.replace(" ", "-"),
     }
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -21,7 +21,7 @@ from softclose_workflows.studies.published import CASES, LIMIT_CM_S, N_PUBLISHED
 from softclose_workflows.studies.reproduced import ReproducedRow
 from softclose_workflows.studies.series import Effort, Member, run_series
 from softclose_workflows.tell.console import wide_console
-from softclose_workflows.tell.labels import percent_interval
+from softclose_workflows.tell.labels import percent_interval, signed
 from softclose_workflows.tell.outputs import check_folder, write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, share, with_interval
@@ -183,7 +183,7 @@ def _print(console: Any, rows: Sequence[ReproducedRow]) -> None:
             "" if exceed is None else share(exceed.estimate, *exceed.wald, 1),
             share(a.p_nc),
             f"{a.g_cm_s:.2f}",
-            "" if math.isnan(r.certified.optimism_cm_s) else f"{r.certified.optimism_cm_s:+.2f}",
+            "" if math.isnan(r.certified.optimism_cm_s) else signed(r.certified.optimism_cm_s, 2),
             r.verdict,
         )
     console.print(table)

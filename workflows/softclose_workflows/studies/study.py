@@ -20,6 +20,7 @@ from softclose_workflows.run.crew import open_crew
 from softclose_workflows.studies.series import Effort, Member, run_series
 from softclose_workflows.studies.study_file import Study
 from softclose_workflows.tell.console import bar, wide_console
+from softclose_workflows.tell.labels import signed
 from softclose_workflows.tell.outputs import write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, share_open, with_interval
@@ -132,7 +133,7 @@ def print_study(result: StudyResult) -> None:
             with_interval(a.mean_cm_s, *a.mean_interval),
             share_open(a.p_nc, a.p_nc_intervals.wilson, a.n_failed),
             with_interval(a.g_cm_s, *a.g_interval),
-            f"{c.best.optimism_cm_s:+.2f}",
+            signed(c.best.optimism_cm_s, 2),
             f"{c.references[0].assessment.v_u_cm_s:.2f}",
         )
     console.print(table)
@@ -141,5 +142,5 @@ def print_study(result: StudyResult) -> None:
     for value in study.values:
         cross.add_column(f"optimum of {value:g}", justify="right")
     for value, row in zip(study.values, result.regret_cm_s, strict=True):
-        cross.add_row(f"{value:g}", *("not admissible" if math.isnan(r) else f"{r:+.2f}" for r in row))
+        cross.add_row(f"{value:g}", *("not admissible" if math.isnan(r) else signed(r, 2) for r in row))
     console.print(cross)

@@ -73,12 +73,12 @@ def coordinate_label(name: str, *, unit: bool = True) -> str:
 
 
 def number(value: float, digits: int = 1) -> str:
-    """Fixed digits; a dash where there is no number, ∞ where there is no bound."""
+    """Fixed digits, 0 without a sign; a dash where there is no number, ∞ where there is no bound."""
     if math.isnan(value):
         return "–"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
-    return f"{value:.{digits}f}".replace("-", "−")
+    return f"{value:z.{digits}f}".replace("-", "−")
 
 
 def count(n: int) -> str:
@@ -88,7 +88,7 @@ def count(n: int) -> str:
 
 def signed(value: float, digits: int = 1) -> str:
     """A difference: `+0.26`, `−22.05`; a dash where there is none."""
-    return "–" if math.isnan(value) else f"{value:+.{digits}f}".replace("-", "−").replace("inf", "∞")
+    return "–" if math.isnan(value) else f"{value:+z.{digits}f}".replace("-", "−").replace("inf", "∞")
 
 
 def points(difference: float, digits: int = 2) -> str:
@@ -100,7 +100,8 @@ def interval(lower: float, upper: float, digits: int = 1) -> str:
     """`17.2–18.9`, or `−0.3 to 0.2` where an end is negative; empty where either end is undefined."""
     if math.isnan(lower) or math.isnan(upper):
         return ""
-    return f"{number(lower, digits)}{' to ' if lower < 0.0 or upper < 0.0 else '–'}{number(upper, digits)}"
+    low, high = number(lower, digits), number(upper, digits)
+    return f"{low}{' to ' if '−' in low + high else '–'}{high}"
 
 
 def percent(value: float, digits: int = 1) -> str:

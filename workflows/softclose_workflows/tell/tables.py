@@ -11,7 +11,7 @@ from softclose.metrics.intervals import Interval, unseen_share
 from softclose.metrics.replicates import REPLICATES
 from softclose_store import Best
 from softclose_workflows.tell.console import wide_console
-from softclose_workflows.tell.labels import in_percent
+from softclose_workflows.tell.labels import in_percent, interval, number, signed
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing
 
@@ -31,8 +31,8 @@ def with_interval(value: float, lower: float, upper: float, digits: int = 2) -> 
     if math.isnan(value):
         return "–"
     if math.isnan(lower) or math.isnan(upper):
-        return f"{value:.{digits}f}"
-    return f"{value:.{digits}f} ({ends(lower, upper, digits)})"
+        return number(value, digits)
+    return f"{number(value, digits)} ({ends(lower, upper, digits)})"
 
 
 def share(value: float, lower: float = math.nan, upper: float = math.nan, digits: int = 2) -> str:
@@ -48,16 +48,12 @@ def points(difference: float, lower: float = math.nan, upper: float = math.nan, 
     if math.isnan(difference):
         return "–"
     bounds = "" if math.isnan(lower) or math.isnan(upper) else f" ({ends(100.0 * lower, 100.0 * upper, digits, '+')})"
-    return f"{100.0 * difference:+.{digits}f}{bounds}"
+    return f"{signed(100.0 * difference, digits)}{bounds}"
 
 
 def ends(lower: float, upper: float, digits: int = 2, sign: str = "") -> str:
-    """`19.21–20.14`, with "to" between signed numbers; an end that nothing bounds is ∞."""
-
-    def end(value: float) -> str:
-        return f"{value:{sign}.{digits}f}".replace("inf", "∞")
-
-    return f"{end(lower)}{' to ' if sign else '–'}{end(upper)}"
+    """`19.21–20.14`, with "to" between signed or negative numbers; an end that nothing bounds is ∞."""
+    return f"{signed(lower, digits)} to {signed(upper, digits)}" if sign else interval(lower, upper, digits)
 
 
 def interval_kinds(confidence: float, n: int, sampling: str = "monte-carlo") -> str:
@@ -158,7 +154,8 @@ def print_standing(standing: Standing) -> None:
     """What `status` prints for people."""
     from softclose_workflows.terminal import plain_console
 
-    console = plain_console(soft_wrap=True)
+    console = plain_console()
+    console.soft_wrap = not console.is_terminal  # a log gets a sentence a line
     done = standing.committed / max(standing.budget, 1)
     state = "finished" if standing.finished else in_percent(done)
     console.print(f"{standing.name}: {standing.committed:,} of {standing.budget:,} candidates committed ({state})")

@@ -136,8 +136,18 @@
       modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
       toImageButtonOptions: { format: "svg", filename: `softclose-${name}` },
     });
+    const tools = () => [...el.querySelectorAll(".modebar button")];
+    tools().forEach((tool) => { tool.tabIndex = -1; });
     if (!drawn.has(name)) {
       drawn.add(name);
+      // A plot is one stop of the Tab key; the arrows walk through its tools, Escape leaves them.
+      el.addEventListener("keydown", (e) => {
+        const by = { ArrowRight: 1, ArrowLeft: -1 }[e.key], all = tools(), at = all.indexOf(document.activeElement);
+        if (e.key === "Escape") return el.focus();
+        if (!by || !all.length) return;
+        e.preventDefault();
+        all[at < 0 ? (by > 0 ? 0 : all.length - 1) : (at + by + all.length) % all.length].focus();
+      });
       if (name === "convergence") el.on("plotly_click", (e) => show(e.points[0].x, true));
       if (name === "front") el.on("plotly_click", (e) => show(e.points[0].customdata?.[0] ?? e.points[0].customdata, true));
     }
