@@ -10,8 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from small_campaigns import COARSE, make_campaign
-from softclose.waveform import read_trace
+from softclose.waveform import WaveformError, read_trace
 from softclose_store import read_group, verify
+from softclose_workflows import api
 from softclose_workflows.analyses.assessed_trace import assess_trace
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.cli import main
@@ -121,6 +122,22 @@ def test_a_drive_above_the_limit_is_refused_unless_it_is_said(store: str, tmp_pa
     found = json.loads(_assess(store, file, "--switches", "500", "--max-volts", "160", "--json"))
     assert found["max_volts"] == pytest.approx(160.0)
     assert "140000 V" in _assess(store, _step(tmp_path / "mV.csv", 140e3), "--switches", "500", code=2)
+
+
+def test_from_python_a_record_is_scaled_and_said_to_be_the_drive(store: str, tmp_path: Path) -> None:
+    file = _step(tmp_path / "m.csv", 100.0, unit="mV")
+    with pytest.raises(WaveformError, match="scale=1000"):
+        api.assess(store, file, n_switches=500)
+    found = api.assess(store, file, n_switches=500, scale=1000.0)
+    command = json.loads(_assess(store, file, "--switches", "500", "--scale", "1000", "--json"))
+    assert found.value.assessment.v_u_cm_s == pytest.approx(command["assessment"]["v_u_cm_s"], abs=1e-3)
+    assert list(found.notes[: len(command["read"])]) == command["read"]
+    assert api.assess(store, file, n_switches=500, scale=1.0).value.assessment.p_nc == 1.0
+    drawn = api.assess(store, read_trace(file), n_switches=500, scale=1000.0)
+    assert drawn.value.assessment.v_u_cm_s == found.value.assessment.v_u_cm_s
+    with pytest.raises(WaveformError, match="max_volts"):
+        api.assess(store, file, n_switches=500, scale=1600.0)
+    assert api.assess(store, file, n_switches=500, scale=1600.0, max_volts=160.0).value.assessment.p_nc < 1.0
 
 
 def test_instants_of_another_unit_reach_no_lot(store: str, tmp_path: Path) -> None:

@@ -93,3 +93,9 @@ def test_a_sentence_is_folded_between_words_at_a_terminal_and_whole_in_a_log(
     assert " ".join(line.strip() for line in lines) == said.strip()
     assert all(line.startswith("  ") for line in lines)
     assert [line for line in lines if len(line) > 40] == ["  runs/a-long-path-that-nothing-cuts.zarr"]
+
+
+def test_what_nothing_bounds_is_infinite_in_one_way() -> None:
+    assert with_interval(math.inf, 67.1, math.inf, 1) == "∞ (67.1–∞)"
+    assert with_interval(math.inf, math.nan, math.nan) == "∞"
+    assert with_interval(19.7, 19.21, 20.14) == "19.70 (19.21–20.14)"

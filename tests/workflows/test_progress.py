@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
 import re
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from small_campaigns import COARSE
+from softclose.settings import ConfigError, load_config
 from softclose_workflows import terminal
-from softclose_workflows.run import progress
+from softclose_workflows.cli import main
+from softclose_workflows.errors import ExecutorError
+from softclose_workflows.run import driving, progress
 from softclose_workflows.run.campaign import Progress
+from softclose_workflows.run.executors import Placement
 from softclose_workflows.tell.console import bar
 
 
@@ -87,3 +96,52 @@ def test_a_bar_fits_on_its_line(width: int, monkeypatch: pytest.MonkeyPatch) -> 
     assert all(len(line) <= width for line in lines)
     assert all("best g 14.12 cm/s" in line and "left" in line for line in shown)
     assert all(("16 workers" in line) == (width >= progress.NARROW) for line in shown)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["run", "current", "--store", "a.zarr"],
+        ["submit", "current", "--store", "a.zarr", "--cluster", "none.toml", "--dry-run"],
+        ["compare-engines", "current", "--engines", "sobol"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_what_may_compile_kernels_is_said_to_be_at_work(command: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lot of one's own: its prices take a simulation, before which half a minute passed in silence."""
+    seen: list[str] = []
+
+    @contextlib.contextmanager
+    def working(what: str, *, quiet: bool) -> Iterator[None]:
+        assert not quiet
+        seen.append(what)
+        yield
+        seen.append("done")
+
+    def load(*_: object) -> None:
+        seen.append("load")
+        raise ConfigError("enough")
+
+    monkeypatch.setattr(terminal, "working", working)
+    monkeypatch.setattr("softclose.settings.load_config", load)
+    assert CliRunner().invoke(main, command).exit_code == 2
+    assert seen == [terminal.READING, "load"]
+
+
+def test_workers_that_compile_kernels_are_said_to_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[str] = []
+
+    @contextlib.contextmanager
+    def working(what: str, *, quiet: bool) -> Iterator[None]:
+        seen.append(what)
+        yield
+
+    def start(placement: Placement) -> None:
+        seen.append("start")
+        raise ExecutorError("enough")
+
+    monkeypatch.setattr(driving, "working", working)
+    monkeypatch.setattr(driving, "open_executor", start)
+    with pytest.raises(ExecutorError, match="enough"):
+        driving.drive(str(tmp_path / "a.zarr"), Placement(workers=1), config=load_config("current", COARSE))
+    assert seen == [terminal.STARTING, "start"]

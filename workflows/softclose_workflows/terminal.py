@@ -6,18 +6,27 @@ order to the terminal (its title, its clipboard, a cleared screen). Everything t
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import sys
 import textwrap
 import time
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+_COMPILED = "kernels are compiled the first time, in half a minute"
+
+READING = f"reading the campaign; {_COMPILED}"
+"""What `working` says where a configuration is read: prices in proportion to a lot take a simulation of its step."""
+
+STARTING = f"starting what computes; {_COMPILED}"
+"""What `working` says until workers, which load the kernels before their first block, are there."""
 
 
 def visible(text: str) -> str:
@@ -84,3 +93,18 @@ def plain_console_type() -> type[Console]:
 def plain_console(**options: Any) -> Console:
     """A console that takes text for text: rich's own options."""
     return plain_console_type()(**options)
+
+
+def silent(quiet: bool) -> bool:
+    """True where progress is not wanted, or nobody looks."""
+    return quiet or not sys.stderr.isatty()
+
+
+@contextlib.contextmanager
+def working(what: str, *, quiet: bool) -> Iterator[None]:
+    """A spinner where nothing can be counted; nothing where silent."""
+    if silent(quiet):
+        yield
+        return
+    with plain_console(stderr=True).status(f"{what} …"):
+        yield

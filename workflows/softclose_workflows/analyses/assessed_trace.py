@@ -129,7 +129,7 @@ def check_drive(trace: Trace, config: CampaignConfig, *, max_volts: float | None
     if is_above(peak, allowed):
         raise WaveformError(
             f"the record reaches {peak:.6g} V within {horizon:g} µs; {allowed:g} V are allowed (waveform.max_volts). "
-            f"Are its voltages in mV? If it is the drive, say --max-volts {math.ceil(peak)}"
+            f"Are its voltages in mV? If it is the drive, say --max-volts {math.ceil(peak)} (in Python max_volts)"
         )
     population = config.build_population()
     pull_in = float(pull_in_voltage(population.mean_switch, population.plate_area(config.model.plate_area_um2)))
@@ -137,7 +137,7 @@ def check_drive(trace: Trace, config: CampaignConfig, *, max_volts: float | None
         raise WaveformError(
             f"the record reaches {peak:.4g} V within {horizon:g} µs, and the mean switch pulls in at {pull_in:.4g} V: "
             "nothing would close. If it is a monitor output or an amplifier's input, say what it has to be multiplied "
-            "by (--scale 1000); --scale 1 says that it is the drive"
+            "by (--scale 1000, in Python scale=1000); a scale of 1 says that it is the drive"
         )
 
 

@@ -15,8 +15,9 @@ from softclose.propose.side_by_side import EngineRun, compare_engines, with_seed
 from softclose.settings import CampaignConfig
 from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
 from softclose_workflows.run import needs
-from softclose_workflows.tell.console import silent, wide_console
+from softclose_workflows.tell.console import wide_console
 from softclose_workflows.tell.plain import waveform_rows
+from softclose_workflows.terminal import silent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

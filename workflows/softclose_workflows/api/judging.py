@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from softclose.waveform import Trace, read_trace
+from softclose.waveform import Trace, read_record
 from softclose_workflows.analyses.assessed_trace import AssessedTrace, assess_trace
 from softclose_workflows.analyses.signing import Sheet, parsed_limits
 from softclose_workflows.analyses.signing import sign as held
@@ -71,6 +71,8 @@ def assess(
     *,
     n_switches: int = 100_000,
     seed: int | None = None,
+    scale: float | None = None,
+    max_volts: float | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> Result[AssessedTrace]:
@@ -86,22 +88,46 @@ def assess(
         New switches.
     seed
         Of their ensemble; by default that of the store's certificate.
+    scale
+        Voltages are multiplied by it: of a probe, a monitor output, or an amplifier whose input was recorded. A drive
+        that closes nothing is refused unless a scale is given; 1 says that it is the drive.
+    max_volts
+        Highest voltage that the drive may reach [V]; by default that of the campaign.
     workers, scheduler
         Processes of a local cluster, or the address of a Dask scheduler, in the place of threads.
 
     Returns
     -------
     Result
-        The drive, and the best waveform of a store on the same switches.
+        The drive, and the best waveform of a store on the same switches; its notes say how a table was read.
+
+    Raises
+    ------
+    WaveformError
+        For a table that is not certain, and for a drive that is too high, or so low that nothing would close.
     """
-    drive = trace if isinstance(trace, Trace) else read_trace(os.fspath(trace))
+    factor = 1.0 if scale is None else scale
+    read: tuple[str, ...] = ()
+    if isinstance(trace, Trace):
+        drive = Trace(trace.times_us, factor * trace.volts)
+    else:
+        record = read_record(os.fspath(trace), scale=factor)
+        drive, read = record.trace, record.notes
     with crew_of(workers, scheduler) as crew:
-        found = assess_trace(path_text(source), drive, n_switches=n_switches, seed=seed, mapper=crew)
+        found = assess_trace(
+            path_text(source),
+            drive,
+            n_switches=n_switches,
+            seed=seed,
+            mapper=crew,
+            max_volts=max_volts,
+            scaled=scale is not None,
+        )
     rows = [{"drive": "as recorded", **metrics(found.assessment)}]
     if found.best is not None and found.best_assessment is not None:
         rows.append({"drive": f"candidate {found.best.candidate}", **metrics(found.best_assessment)})
     title = f"{path_text(source)}: a recorded drive on {n_switches:,} new switches"
-    return Result(value=found, title=title, rows=rows, notes=warned(found.assessment))
+    return Result(value=found, title=title, rows=rows, notes=(*read, *warned(found.assessment)))
 
 
 def compare(

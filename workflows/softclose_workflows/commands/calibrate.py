@@ -92,9 +92,10 @@ def calibrate(
     from softclose.population.calibrate import calibrate as fit
     from softclose.population.calibrate import write_calibration
     from softclose.population.measurements import NAMES, read_measurements
-    from softclose_workflows.tell.console import wide_console, working
+    from softclose_workflows.tell.console import wide_console
     from softclose_workflows.tell.outputs import check_file, whole_file
     from softclose_workflows.tell.plain import json_text
+    from softclose_workflows.terminal import working
 
     theirs = parsed_columns(columns, NAMES)
     check_file(output, "-o", [".toml"])
@@ -169,8 +170,8 @@ def _of_dynamics(
     from softclose.identify.readings import read_dynamics
     from softclose.settings import load_config
     from softclose_workflows.analyses.identified import identified_to_json, print_identified
-    from softclose_workflows.tell.console import working
     from softclose_workflows.tell.plain import json_text
+    from softclose_workflows.terminal import working
 
     fixed = {name: value for name, value in map(_named_number, given[0])}
     errors = {name: _stated(name, value) for name, value in map(_named_number, given[1])}

@@ -48,9 +48,9 @@ def compare(
     """
     from softclose_workflows.report.comparison import comparison_to_json, read_entries
     from softclose_workflows.run.crew import open_crew
-    from softclose_workflows.tell.console import working
     from softclose_workflows.tell.outputs import check_file, say_written, write_text
     from softclose_workflows.tell.plain import json_text
+    from softclose_workflows.terminal import working
 
     page = output is not None and output.lower().endswith((".html", ".htm"))
     if output is not None:

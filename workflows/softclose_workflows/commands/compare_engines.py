@@ -31,6 +31,7 @@ def compare_engines(
     from softclose.settings import ConfigError, load_config
     from softclose_workflows.analyses.engines import compare, print_comparison, to_json
     from softclose_workflows.tell.plain import json_text
+    from softclose_workflows.terminal import READING, working
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
     for name in names:
@@ -43,7 +44,9 @@ def compare_engines(
         from softclose_workflows.figures.saving import check_figure
 
         check_figure(figure)
-    results = compare(load_config(source, overrides), names, numbers, switches, quiet=as_json)
+    with working(READING, quiet=as_json):
+        config = load_config(source, overrides)
+    results = compare(config, names, numbers, switches, quiet=as_json)
     if figure:
         from softclose_workflows.figures.engines import draw_engines
         from softclose_workflows.figures.saving import save

@@ -44,8 +44,8 @@ def figures(store: str, output: str | None, formats: tuple[str, ...], only: tupl
     from softclose_workflows.figures.saving import FORMATS
     from softclose_workflows.figures.writing import write_figures
     from softclose_workflows.report.gather import gather
-    from softclose_workflows.tell.console import working
     from softclose_workflows.tell.outputs import check_folder, default_name, say_written
+    from softclose_workflows.terminal import working
 
     learned = not only or any(name.startswith("dependence") for name in only)
     folder = check_folder(output or default_name(store, "-figures"), "-o")

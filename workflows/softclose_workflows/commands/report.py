@@ -27,8 +27,8 @@ def report(store: str, output: str | None, placement: Placement, quiet: bool) ->
     from softclose_workflows.report.gather import gather
     from softclose_workflows.report.page import render_report
     from softclose_workflows.run.crew import open_crew
-    from softclose_workflows.tell.console import working
     from softclose_workflows.tell.outputs import check_file, default_name, say_written, write_text
+    from softclose_workflows.terminal import working
 
     path = output or default_name(store, ".html")
     check_file(path)

@@ -43,8 +43,10 @@ def run(
     from softclose_workflows.analyses.forewarned import forewarnings
     from softclose_workflows.commands.driving import drive
     from softclose_workflows.run.warm_start import warm_started
+    from softclose_workflows.terminal import READING, working
 
-    config = warm_started(load_config(source, overrides))
+    with working(READING, quiet=quiet):
+        config = warm_started(load_config(source, overrides))
     for line in forewarnings(config):
         say(f"note: {line}", err=True)
     if dry_run:

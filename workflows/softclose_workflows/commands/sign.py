@@ -46,10 +46,9 @@ def sign(
     from softclose_workflows.analyses.signing import sign as held
     from softclose_workflows.errors import EXIT_NOT_PASSED
     from softclose_workflows.report.sign_page import render_sign
-    from softclose_workflows.tell.console import working
     from softclose_workflows.tell.outputs import check_file, default_name, say_written, write_text
     from softclose_workflows.tell.plain import json_text
-    from softclose_workflows.terminal import say
+    from softclose_workflows.terminal import say, working
 
     table = None if file is None else read_tables(at_home(file), "the file of limits", SignError)
     limits = parsed_limits(texts, table)

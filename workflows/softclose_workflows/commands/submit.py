@@ -37,8 +37,10 @@ def submit(
     from softclose_workflows.run.executors.cluster_file import load_cluster
     from softclose_workflows.run.submission import DriverJob, submission
     from softclose_workflows.run.submission import submit as submit_job
+    from softclose_workflows.terminal import READING, working
 
-    load_config(source, overrides)
+    with working(READING, quiet=False):
+        load_config(source, overrides)
     spec = load_cluster(cluster)
     arguments = ["run", source, "--store", store, "--cluster", cluster, "--quiet"]
     for setting in overrides:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from softclose.arrays import FloatArray
 from softclose.evaluate import judge
+from softclose.metrics.objective import Assessment
 from softclose.plugins import REDUCED_ORDER, SINGLE_MODE
 from softclose.settings import CampaignConfig
 from softclose.waveform import Drive, Trace, Waveform
@@ -67,7 +69,12 @@ def check_delivered(
     opened = abs(delivered.p_nc - designed.p_nc)
     if not (moved <= most_cm_s and opened <= 0.01 * most_cm_s):
         raise ExportError(
-            f"{what}: v_u would be {delivered.v_u_cm_s:.2f} cm/s in the place of {designed.v_u_cm_s:.2f}, and "
+            f"{what}: v_u would be {_speed(delivered)} in the place of {_speed(designed)}, and "
             f"{in_percent(delivered.p_nc, 1)} of the switches would stay open in the place of "
             f"{in_percent(designed.p_nc, 1)}; at most {most_cm_s:g} cm/s and {most_cm_s:g} points are allowed: {remedy}"
         )
+
+
+def _speed(found: Assessment) -> str:
+    """`25.44 cm/s`, or that there is none: where too few touch, nothing is softer."""
+    return "undefined (too few switches touch)" if math.isnan(found.v_u_cm_s) else f"{found.v_u_cm_s:.2f} cm/s"

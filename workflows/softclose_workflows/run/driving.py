@@ -26,7 +26,7 @@ from softclose_workflows.run.opening import design_at_the_end
 from softclose_workflows.run.progress import show_progress
 from softclose_workflows.run.runtime import runtime, say_changes
 from softclose_workflows.run.stopping import stop_on_signals
-from softclose_workflows.terminal import say
+from softclose_workflows.terminal import STARTING, say, working
 
 
 def drive(
@@ -71,7 +71,8 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
         if not state.finished:
             if config is None:
                 whole.check_plugins()
-            executor = opened()
+            with working(STARTING, quiet=quiet):
+                executor = opened()
             if config is not None and is_new:
                 create_store(config, path)
             store = stack.enter_context(DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock))

@@ -6,11 +6,10 @@ Progress goes to standard error: what a command prints is its result.
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from softclose_workflows.terminal import Minutely, plain_console, plain_console_type
+from softclose_workflows.terminal import Minutely, plain_console, plain_console_type, silent
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -74,11 +73,6 @@ def stacked(table: Table) -> RenderableType:
     return Group(*parts)
 
 
-def silent(quiet: bool) -> bool:
-    """True where progress is not wanted, or nobody looks."""
-    return quiet or not sys.stderr.isatty()
-
-
 @contextlib.contextmanager
 def bar(title: str, *, quiet: bool = False) -> Iterator[OnStep | None]:
     """A bar that is gone at the end; without a terminal a line a minute, `certifying: 40 %`; None where quiet."""
@@ -94,13 +88,3 @@ def bar(title: str, *, quiet: bool = False) -> Iterator[OnStep | None]:
     with Progress(console=plain_console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
-
-
-@contextlib.contextmanager
-def working(what: str, *, quiet: bool) -> Iterator[None]:
-    """A spinner where nothing can be counted; nothing where silent."""
-    if silent(quiet):
-        yield
-        return
-    with plain_console(stderr=True).status(f"{what} …"):
-        yield

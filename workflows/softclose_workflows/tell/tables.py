@@ -27,7 +27,7 @@ def describe_waveform(rows: Sequence[Sequence[float | None]]) -> str:
 
 
 def with_interval(value: float, lower: float, upper: float, digits: int = 2) -> str:
-    """`19.70 (19.21–20.14)`; a dash where there is no value."""
+    """`19.70 (19.21–20.14)`; a dash where there is no value, ∞ where too few switches have one."""
     if math.isnan(value):
         return "–"
     if math.isnan(lower) or math.isnan(upper):
