@@ -39,6 +39,19 @@ def test_the_workflow_s_matrix_begins_where_the_package_does_and_its_targets_exi
     assert all(re.search(rf"^{target}:", makefile, re.M) for target in targets)
 
 
+def test_the_pages_name_the_pythons_that_were_run_and_the_package_claims_no_others() -> None:
+    (table,) = re.findall(r"## Where it runs\n(.*?)\n## ", (ROOT / "docs/releasing.md").read_text("utf-8"), re.S)
+    run = sorted({v for line in table.splitlines() if "not tried" not in line for v in re.findall(r"3\.1\d", line)})
+    classified = [c for c in PROJECT["project"]["classifiers"] if c.startswith("Programming Language :: Python :: 3.")]
+    assert [c.rpartition(" ")[2] for c in classified] == run
+    assert not any("MacOS" in c or "Windows" in c for c in PROJECT["project"]["classifiers"])
+    for page in ("README.md", "CONTRIBUTING.md"):
+        text = (ROOT / page).read_text("utf-8")
+        assert all(said in text for said in ("Python 3.11 on Linux", "3.12", "3.14", "releasing.md#where-it-runs")), (
+            page
+        )
+
+
 def test_no_advice_names_a_package_that_is_not_published() -> None:
     """`pip install softclose[…]` finds nothing yet: the extra's own packages are named."""
     texts = [p for folder in ("pipeline", "store", "workflows", "docs/how-to") for p in (ROOT / folder).rglob("*")]

@@ -61,7 +61,7 @@ def test_the_words_follow_the_numbers() -> None:
     never = (-float("inf"), float("inf"))
     open_ = Drift(kind="charge", rows=(Row(-16.0, 0.7), Row(0.0), Row(16.0, 1.0)), doubled=never)  # type: ignore[arg-type]
     assert sentences(open_) == [
-        "at −16 V 70.0% of the switches stay open: v_u is none of the lot there",
+        "at −16 V 70.0 % of the switches stay open: v_u is none of the lot there",
         "at +16 V all switches stay open: v_u is none of the lot there",
     ]
 
