@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,10 @@ def test_a_store_that_is_driven_is_refused_unless_its_lock_is_broken(tmp_path: P
     with DriverStore(path) as held, open_executor(Placement(serial=True)) as executor:
         refused = CliRunner().invoke(main, resume)
         assert refused.exit_code == 2
-        assert "--break-lock" in refused.stderr
+        told = " ".join(refused.stderr.split())
+        assert f"is being driven by process {os.getpid()}" in told
+        assert "wait for it, or, if you are sure that it is gone, take the store with --break-lock" in told
+        assert "folder" not in told  # another one would hold half of the same campaign
         assert open_campaign(path).committed == 0
         taken = CliRunner().invoke(main, [*resume, "--break-lock"])
         assert taken.exit_code == 0, taken.output
