@@ -99,3 +99,9 @@ def test_what_nothing_bounds_is_infinite_in_one_way() -> None:
     assert with_interval(math.inf, 67.1, math.inf, 1) == "∞ (67.1–∞)"
     assert with_interval(math.inf, math.nan, math.nan) == "∞"
     assert with_interval(19.7, 19.21, 20.14) == "19.70 (19.21–20.14)"
+
+
+@pytest.mark.parametrize("said", [terminal.READING, terminal.STARTING])
+def test_a_spinner_fits_one_line_of_80_columns(said: str) -> None:
+    """One that is folded leaves a line behind at every turn."""
+    assert len(f"⠋ {said} …") < 80

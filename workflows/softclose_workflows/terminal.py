@@ -20,7 +20,7 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
-_COMPILED = "kernels are compiled the first time, in half a minute"
+_COMPILED = "the first time, half a minute of compiling kernels"
 
 READING = f"reading the campaign; {_COMPILED}"
 """What `working` says where a configuration is read: prices in proportion to a lot take a simulation of its step."""

@@ -39,7 +39,7 @@ def print_result(path: str) -> None:
     references = simulate_references(config, switches)
     judged = {name: (design, r, judge(config, r)) for name, (design, r) in references.responses.items()}
     print_designs(
-        f"{config.campaign.name}: {campaign.committed} candidates, {best.n_switches} switches",
+        f"{config.campaign.name}: {campaign.committed:,} candidates, {best.n_switches:,} switches",
         [
             *(
                 (name, waveform_rows(design.rows()), assessment_record(a, contacts(config, r, a)))
