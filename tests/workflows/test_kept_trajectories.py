@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner, Result
 
+from examples import in_turn
 from small_campaigns import COARSE
 from softclose.evaluate import respond_each
 from softclose.opening import LOOKS, judge_opening
@@ -181,7 +182,7 @@ def test_two_workers_keep_the_same_bits_as_this_process(finished: Path, tmp_path
     assert differences(one, tmp_path / "b.zarr") == []
 
 
-@pytest.mark.parametrize("passage", [1, 2, 5, 20])
+@pytest.mark.parametrize("passage", in_turn([1, 2, 5, 20], 4, first=1))
 def test_a_run_killed_as_it_keeps_trajectories_resumes_to_the_same_store(
     finished: Path, tmp_path: Path, passage: int
 ) -> None:

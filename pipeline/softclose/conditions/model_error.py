@@ -126,7 +126,7 @@ class UncertainModel(Condition):
         ends += [(0.0, sign * s.reach * s.time) for sign in (-1.0, 1.0) if s.time]
         return tuple(
             Case(
-                name=f"force {f:+.1%}, times {t:+.1%}",
+                name=f"force {100.0 * f:+.1f} %, times {100.0 * t:+.1f} %",
                 at=(("force_error", f), ("time_error", t)),
                 change=partial(mistaken, force=f, time=t),
             )
