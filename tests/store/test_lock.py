@@ -16,6 +16,7 @@ import pytest
 from small_store import create
 from softclose_store import LockedError, lock_holder
 from softclose_store.disk import lock
+from softclose_store.disk.below import Below
 from softclose_store.disk.files import create_key, open_files, read_key, write_key
 from softclose_store.disk.lock import LOCK_KEY, DriverLock, Holder
 
@@ -96,6 +97,27 @@ def test_a_lock_is_held_from_acquire_to_release(where: str) -> None:
     assert lock_holder(where) is None
     second.acquire()
     second.release()
+
+
+def out_of_memory(*_: object) -> bool:
+    raise MemoryError
+
+
+@pytest.mark.parametrize("when", ["acquire", "release"])
+def test_a_lock_whose_taking_or_giving_back_fails_is_in_nobody_s_way(
+    when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create(tmp_path / "a.zarr")
+    failed, next_one = DriverLock(tmp_path / "a.zarr"), DriverLock(tmp_path / "a.zarr")
+    if when == "release":
+        failed.acquire()
+    with monkeypatch.context() as patch:
+        patch.setattr(Below, "is_same", out_of_memory)
+        with pytest.raises(MemoryError):
+            getattr(failed, when)()
+    next_one.acquire()
+    next_one.check()
+    next_one.release()
 
 
 def test_a_broken_lock_is_its_breakers(where: str, monkeypatch: pytest.MonkeyPatch) -> None:

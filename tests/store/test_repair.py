@@ -29,6 +29,7 @@ from softclose_store import (
     write_group,
 )
 from softclose_store.schema import digests
+from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, TABLES
 from stores import damage, differences, files_of
 
 GROUP = "certification/one"
@@ -518,3 +519,13 @@ def test_digests_of_other_candidates_are_written_again_where_the_values_prove_th
     assert mended.ok
     assert not mended.unproved
     assert contents(finished) == before
+
+
+@pytest.mark.parametrize("name", [*TABLES, HYPERPARAMETER, HYPERPARAMETER_UNIT])
+def test_an_empty_folder_in_the_place_of_a_table_s_file_makes_way(original, tmp_path, name):
+    path = Path(shutil.copytree(original, tmp_path / "a.zarr"))
+    (file,) = (path / name).glob("c.*")
+    file.unlink()
+    file.mkdir()
+    assert repair(path, recompute()).ok
+    assert differences(original, path) == []

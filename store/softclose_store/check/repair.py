@@ -325,6 +325,7 @@ def _repair_waves(store: RepairStore, recompute: Recompute, report: Report, log:
         start += size
     names = [p.key for p in report.problems if p.kind == "static"]  # those that only grow: the frame has no others left
     if kinds or names:
+        _clear(store.path, store.restored_keys(), log)
         store.write_restored()
     for key in names:
         log.add(f"{key} written again", proved=True)

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose_store.disk.files import StorePath
+from softclose_store.disk.names import chunk_key
 from softclose_store.read.blocks import markers_digest
 from softclose_store.read.table import FAILURE, MARKERS, RECORD
 from softclose_store.schema.fields import DIGESTS
+from softclose_store.schema.hierarchy import HYPERPARAMETER, HYPERPARAMETER_UNIT, TABLES
 from softclose_store.schema.opening import write_root
 from softclose_store.write.driver import Block, DriverStore
 from softclose_store.write.rows import (
@@ -102,6 +104,13 @@ class RepairStore(DriverStore):
     def restore_timings(self, i: int) -> None:
         """Set the timings of candidate i to nothing in memory, for a repair: they are lost."""
         set_timings(self._table, i, {})
+
+    def restored_keys(self) -> list[str]:
+        """Keys of the files that `write_restored` writes, the root apart."""
+        step = self.layout.table_chunk
+        n_chunks = -(-self.n_committed // step)
+        tables = [chunk_key(name, i, 0) for name in TABLES for i in range(n_chunks)]
+        return [*(chunk_key(name, 0) for name in (HYPERPARAMETER, HYPERPARAMETER_UNIT)), *tables]
 
     def write_restored(self) -> None:
         """Write all tables and names of the committed candidates: the last step of a repair."""

@@ -187,20 +187,27 @@ class DriverLock:
     def _acquire_local(self, below: Below, text: bytes, break_lock: bool) -> None:
         if break_lock:
             below.delete(LOCK_KEY)  # a new file is a new lock; the old holder keeps one that nobody looks at
-        while True:
+        while self._descriptor is None:
             descriptor = below.open_lock(LOCK_KEY)
-            if not _lock(descriptor):
-                holder = Holder.parse(os.read(descriptor, 4096))
-                os.close(descriptor)
-                raise self._refusal(holder)
-            if below.is_same(descriptor, LOCK_KEY):
-                if os.fstat(descriptor).st_nlink == 1:
-                    break
-                below.delete(LOCK_KEY)  # another name's file too: nothing is written into it
-            os.close(descriptor)  # the file was replaced between opening and locking it
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, text, 0)
-        self._descriptor = descriptor
+            try:
+                if self._is_locked(below, descriptor):
+                    os.ftruncate(descriptor, 0)
+                    os.pwrite(descriptor, text, 0)
+                    self._descriptor = descriptor
+            finally:
+                if self._descriptor is None:  # else this process would be in its own way, whatever it tries next
+                    os.close(descriptor)
+
+    def _is_locked(self, below: Below, descriptor: int) -> bool:
+        """Lock an open file; False where it is the store's lock no longer, or is another name's file too."""
+        if not _lock(descriptor):
+            raise self._refusal(Holder.parse(os.read(descriptor, 4096)))
+        if not below.is_same(descriptor, LOCK_KEY):
+            return False  # it was replaced between opening and locking it
+        if os.fstat(descriptor).st_nlink != 1:
+            below.delete(LOCK_KEY)  # nothing is written into what is another name's file
+            return False
+        return True
 
     def still_held(self) -> bool:
         """False once somebody has broken the lock."""
@@ -224,10 +231,12 @@ class DriverLock:
             self._renewal = None
         if self._below is not None:
             if self._descriptor is not None:
-                if self._below.is_same(self._descriptor, LOCK_KEY):
-                    self._below.delete(LOCK_KEY)
-                os.close(self._descriptor)
-                self._descriptor = None
+                try:
+                    if self._below.is_same(self._descriptor, LOCK_KEY):
+                        self._below.delete(LOCK_KEY)
+                finally:
+                    os.close(self._descriptor)
+                    self._descriptor = None
         elif self._files is not None and self.still_held():
             delete_key(self._files, LOCK_KEY)
 
