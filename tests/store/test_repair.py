@@ -529,3 +529,14 @@ def test_an_empty_folder_in_the_place_of_a_table_s_file_makes_way(original, tmp_
     file.mkdir()
     assert repair(path, recompute()).ok
     assert differences(original, path) == []
+
+
+@pytest.mark.parametrize("folder", ["digests", "records", "hyperparameter"])
+def test_a_link_in_the_place_of_a_folder_of_a_table_makes_way(original, tmp_path, folder):
+    path = Path(shutil.copytree(original, tmp_path / "a.zarr"))
+    outside = Path(shutil.move(path / "candidates" / folder, tmp_path / "outside"))
+    before = {file.name: file.read_bytes() for file in outside.iterdir()}
+    (path / "candidates" / folder).symlink_to(outside)
+    assert repair(path, recompute()).ok
+    assert differences(original, path) == []
+    assert {file.name: file.read_bytes() for file in outside.iterdir()} == before

@@ -100,11 +100,11 @@ class Below:
             os.close(folder)
 
     def kind(self, key: str) -> str:
-        """What lies at a key: "a file", "a folder", "a link" …; "" where nothing does."""
+        """What lies at a key: "a file", "a folder", "a link" …; "" where nothing does, or no folder leads to it."""
         try:
             with self._folder(key) as (folder, name):
                 return _kind(folder, name)
-        except FileNotFoundError:
+        except (FileNotFoundError, NotPlainError):
             return ""
 
     def size(self, key: str) -> int | None:
@@ -196,7 +196,7 @@ class Below:
 
     def open_lock(self, key: str) -> int:
         """Descriptor of a file to be locked, made where there is none; never that of what a link leads to."""
-        with self._folder(key) as (folder, name):
+        with self._folder(key, make=True) as (folder, name):
             with contextlib.suppress(FileNotFoundError):
                 self._plain(os.stat(name, dir_fd=folder, follow_symlinks=False), key)
             file = os.open(name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644, dir_fd=folder)
