@@ -173,9 +173,8 @@ def test_responses_label_themselves():
     for name, variable in labelled.data_vars.items():
         np.testing.assert_array_equal(variable, getattr(found, name))
         assert variable.attrs["units"]
-    assert {f.name for f in dataclasses.fields(found)} - {"times_us", "mode_peak_um", "asked"} == set(
-        labelled.data_vars
-    )
+    untold = {"times_us", "mode_peak_um", "asked", "mode_x", "mode_v"}
+    assert {f.name for f in dataclasses.fields(found)} - untold == set(labelled.data_vars)
     np.testing.assert_array_equal(labelled.time, times)
     assert labelled.x.attrs["units"] == "µm"
     bare = simulate(SWITCH, STEP).to_xarray()
