@@ -136,7 +136,7 @@ def test_every_origin_that_is_written_is_listed():
     assert [o.waveform for o in again] == [run(extended)[0][i].waveform for i in (3, 7)]
     written |= {o.origin for o in run(extended)[0]}
     assert written <= set(ORIGINS)
-    assert set(ORIGINS) - written <= {"botorch", "nsga2", "parego", "finish-extra"}
+    assert set(ORIGINS) - written <= {"botorch", "nsga2", "parego", "finish-extra", "by-hand"}
 
 
 def test_the_paper_engine_widens_pulse_1_then_walks_its_grid():
