@@ -304,13 +304,13 @@ def replicated(name: str, n: int, repetitions: int, n_truth: int = 2**19) -> dic
 
 
 def _print_replicated(repetitions: int) -> None:
-    """As many repetitions as 2.5 million switches a cell allow, and no more than asked for."""
+    """As many repetitions as 20 million switches a cell allow, and no more than asked for."""
     print("\n## Sixteen scramblings: coverage, width and (one Sobol sample's) spread over Monte Carlo's\n")
     print("| waveform | N | repetitions | " + " | ".join(REPLICATED) + " |")
     print("| --- | ---: | ---: |" + " ---: |" * len(REPLICATED))
     for name in WAVEFORMS:
         for n in (512, 4096, 32768):
-            r = min(repetitions, max(2_500_000 // n, 40))
+            r = min(repetitions, max(20_000_000 // n, 40))
             cells = [f"{h:.3f}, {w:.2f}, {s:.2f}" for h, w, s in replicated(name, n, r).values()]
             print(f"| {name} | {n:,} | {r} | " + " | ".join(cells) + " |", flush=True)
 
