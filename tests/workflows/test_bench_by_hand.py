@@ -14,6 +14,7 @@ import pytest
 
 from benches import DEVICES, STEPS, Interrupt, begin, content, cut_at, finish, measure
 from campaigns import softclose
+from examples import in_turn
 from softclose import Waveform
 from softclose.propose import origins
 from softclose_store import DamageError, DriverStore, LockedError, open_campaign, repair, verify
@@ -259,12 +260,12 @@ def action(request: pytest.FixtureRequest, mistaken: Path, tmp_path_factory: pyt
 
 @pytest.mark.parametrize("full", [False, True], ids=["killed", "full"])
 @pytest.mark.parametrize(
-    ("step", "passage"), [*(("inside-group", k) for k in (1, 2, 4, 8, 11, 14)), *((step, 1) for step in STEPS)]
+    "at", in_turn([*(("inside-group", k) for k in (1, 2, 4, 8, 11, 14)), *((step, 1) for step in STEPS)], 4)
 )
 def test_a_change_that_is_cut_off_is_there_as_a_whole_or_not_at_all(
-    step: str, passage: int, full: bool, action: Any, store: Path, monkeypatch: pytest.MonkeyPatch
+    at: tuple[str, int], full: bool, action: Any, store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    act, whole = action
+    (step, passage), (act, whole) = at, action
     cut = OSError(errno.ENOSPC, "no space left") if full else Interrupt("stopped")
     bench = Bench(store)
     with monkeypatch.context() as patch:
