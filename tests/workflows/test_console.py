@@ -84,7 +84,7 @@ def test_a_sentence_is_folded_between_words_at_a_terminal_and_whole_in_a_log(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = "  candidate 56 holds with 74.76 V, and one switch needs more: see runs/a-long-path-that-nothing-cuts.zarr"
-    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((40, 24)))
+    monkeypatch.setattr("shutil.get_terminal_size", lambda *_, **__: os.terminal_size((40, 24)))  # pytest asks too
     terminal.say(said)
     assert capsys.readouterr().out == f"{said}\n"
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)

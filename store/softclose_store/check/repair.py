@@ -410,9 +410,10 @@ def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _
             if recompute.group is not None and not recompute.group(normalised(path), name):
                 log.add(f"group {name}, of whose metadata nothing was left, computed again", proved=False)
                 continue
+            left = any(key.startswith(f"{name}/") for key in keys)
             log.failed.append(
-                f"group {name}: its own metadata and their copy are lost, so nothing says what it holds: delete "
-                f"{normalised(path)}/{name} and make it again"
+                f"group {name}: its own metadata and their copy are lost, so nothing says what it holds: "
+                + (f"delete {normalised(path)}/{name} and make it again" if left else "make it again")
             )
             continue
         _clear(path, metadata.keys, log)

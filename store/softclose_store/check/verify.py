@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from zarr.abc.store import Store
@@ -105,7 +106,7 @@ def verify(path: StorePath, *, on_block: OnBlock | None = None) -> Report:
         n_committed = _check_number(check, read, layout, root)
         _check_hyperparameters(check, read, root)
         _check_candidates(check, read, n_committed, layout, len(root.attributes["hyperparameters"]))
-        _check_groups(check, root.metadata)
+        _check_groups(check, root.metadata, _displaced(check, root.listed))
         wrong, unlisted = listing_problems(files, root)
         damaged = {problem.group for problem in check.problems}
         for name in sorted(wrong.keys() - damaged):
@@ -403,8 +404,24 @@ def block_keys(layout: Layout, stage: str, i: int, j: int) -> Iterator[str]:
         yield chunk_key(f"{stage}/{spec.name}", i, j, *([0] * (len(spec.dims) - 2)))
 
 
-def _check_groups(check: _Check, own_names: Collection[str]) -> None:
-    """Result groups, those included whose own metadata is lost: its copy, or their arrays, say that they were there."""
+def _displaced(check: _Check, listed: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Result groups that the root lists, in whose place, or in that of a folder above them, something else lies."""
+    groups = {name.rpartition("/")[0] for name, entry in listed.items() if entry.get("node_type") == "array"}
+    return sorted(name for name in groups if is_safe(name) and any(place in check.keys for place in _above(name)))
+
+
+def _above(name: str) -> list[str]:
+    parts = name.split("/")
+    return ["/".join(parts[:n]) for n in range(1, len(parts) + 1)]
+
+
+def _check_groups(check: _Check, own_names: Collection[str], displaced: Sequence[str]) -> None:
+    """Result groups, those included whose own metadata is lost: its copy, or their arrays, say that they were there.
+
+    displaced: those of which not even a folder is left.
+    """
+    for name in displaced:
+        check.add("group", f"something else lies in the place of {name}", group=name)
     found = result_groups(check.files, sorted(check.keys))
     for name, metadata in found.items():
         check.expected.add(f"{name}/zarr.json")
