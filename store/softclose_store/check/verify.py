@@ -15,7 +15,7 @@ from softclose_store.check.report import BlockOf, Damage, ProblemKind, Report
 from softclose_store.disk.files import LocalFiles, StorePath, list_keys, look_at, normalised, open_files
 from softclose_store.disk.lock import LOCK_KEY
 from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
-from softclose_store.errors import DamageError, StoreError, StoreMissingError
+from softclose_store.errors import DamageError, NotPlainError, StoreError, StoreMissingError
 from softclose_store.groups import parents_of, result_groups
 from softclose_store.listing import PLAIN_GROUP, listing_problems
 from softclose_store.parts import unfinished_parts
@@ -179,8 +179,10 @@ def _reads(files: Store, where: str) -> bool:
 def _check_root(check: _Check) -> Root | None:
     """The root, or what is left of it; None where nothing is."""
     check.expected |= {ROOT_KEY, BACKUP_KEY, RUNTIME_KEY, LOCK_KEY}
-    if isinstance(check.files, LocalFiles) and check.files.below.kind(LOCK_KEY) not in ("", "a file"):
-        check.expected.remove(LOCK_KEY)
+    if isinstance(check.files, LocalFiles):
+        with contextlib.suppress(NotPlainError):  # something else than a folder above it is found by its own key
+            if check.files.below.kind(LOCK_KEY) not in ("", "a file"):
+                check.expected.remove(LOCK_KEY)
     try:
         root = read_root(check.files, check.where)
     except (DamageError, StoreMissingError) as e:

@@ -100,11 +100,11 @@ class Below:
             os.close(folder)
 
     def kind(self, key: str) -> str:
-        """What lies at a key: "a file", "a folder", "a link" …; "" where nothing does, or no folder leads to it."""
+        """What lies at a key: "a file", "a folder", "a link" …; "" where nothing does. Raises NotPlainError."""
         try:
             with self._folder(key) as (folder, name):
                 return _kind(folder, name)
-        except (FileNotFoundError, NotPlainError):
+        except FileNotFoundError:
             return ""
 
     def size(self, key: str) -> int | None:
