@@ -43,7 +43,7 @@ def test_the_series_are_what_their_generator_writes():
 def test_the_cached_code_is_keyed_by_the_source_of_all_kernel_files():
     # numba keys its cache by what a function closes over, not by the files of the functions that it calls.
     for film in (False, True):
-        block = taylor.block(form=3, lossy=True, film=film)
+        block = taylor.block(form=3, lossy=True, film=film, shaped=False)
         function = getattr(block, "py_func", block)
         closed_over = dict(zip(function.__code__.co_freevars, function.__closure__, strict=True))
         values = {name: cell.cell_contents for name, cell in closed_over.items()}

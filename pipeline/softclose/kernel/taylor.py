@@ -352,6 +352,6 @@ def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool) -> Cal
 
 
 @lru_cache
-def block(*, form: int, lossy: bool, film: bool, shaped: bool = False) -> Callable[..., None]:
+def block(*, form: int, lossy: bool, film: bool, shaped: bool) -> Callable[..., None]:
     """`run_block` for such drives, losses and forces; each is compiled where it is first used, and cached."""
     return _build(fingerprint(), form, lossy, film, shaped)

@@ -420,8 +420,14 @@ class DriverStore:
         ----------
         more : mapping
             Plain JSON values.
+
+        Raises
+        ------
+        LockedError
+            Where the store is not this driver's any more.
         """
         canonical_json(more)
+        self._lock.check()  # a store that was deleted under the run stays deleted
         self._note(self._root.amended(more))
 
     def _note(self, root: Root) -> None:
