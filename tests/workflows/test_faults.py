@@ -57,6 +57,14 @@ def start_worker(address: str, *before: str, env: dict[str, str] | None = None) 
     )
 
 
+def _is_written(file: Path) -> bool:
+    """Whether a scheduler has said all of itself: its file is there before its text is."""
+    try:
+        return "address" in json.loads(file.read_text())
+    except (FileNotFoundError, ValueError):
+        return False
+
+
 @contextmanager
 def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subprocess.Popen[bytes]]]:
     """An external scheduler with one worker: (address, scheduler, worker)."""
@@ -80,7 +88,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subpro
     worker = None
     try:
         deadline = time.monotonic() + 60
-        while not file.exists() and time.monotonic() < deadline:
+        while not _is_written(file) and time.monotonic() < deadline:
             time.sleep(0.1)
         address = json.loads(file.read_text())["address"]
         worker = start_worker(address)
