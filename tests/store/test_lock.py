@@ -120,6 +120,19 @@ def test_a_lock_whose_taking_or_giving_back_fails_is_in_nobody_s_way(
     next_one.release()
 
 
+def test_who_holds_a_lock_is_refused_it_and_may_break_it(tmp_path: Path) -> None:
+    create(tmp_path / "a.zarr")
+    mine = DriverLock(tmp_path / "a.zarr")
+    mine.acquire()
+    with pytest.raises(LockedError, match="is being driven by process"):
+        mine.acquire()
+    mine.check()
+    mine.acquire(break_lock=True)
+    mine.check()
+    mine.release()
+    assert lock_holder(tmp_path / "a.zarr") is None
+
+
 def test_a_broken_lock_is_its_breakers(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = DriverLock(where), DriverLock(where)
     first.acquire()

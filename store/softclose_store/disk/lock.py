@@ -187,16 +187,18 @@ class DriverLock:
     def _acquire_local(self, below: Below, text: bytes, break_lock: bool) -> None:
         if break_lock:
             below.delete(LOCK_KEY)  # a new file is a new lock; the old holder keeps one that nobody looks at
-        while self._descriptor is None:
+        while True:
             descriptor = below.open_lock(LOCK_KEY)
             try:
                 if self._is_locked(below, descriptor):
                     os.ftruncate(descriptor, 0)
                     os.pwrite(descriptor, text, 0)
                     self._descriptor = descriptor
-            finally:
-                if self._descriptor is None:  # else this process would be in its own way, whatever it tries next
-                    os.close(descriptor)
+                    return
+            except BaseException:
+                os.close(descriptor)  # else this process would be in its own way, whatever it tries next
+                raise
+            os.close(descriptor)
 
     def _is_locked(self, below: Below, descriptor: int) -> bool:
         """Lock an open file; False where it is the store's lock no longer, or is another name's file too."""
