@@ -30,7 +30,7 @@ from softclose_store.disk.files import (
     read_key,
     write_key,
 )
-from softclose_store.disk.names import is_safe
+from softclose_store.disk.names import is_safe, ways
 from softclose_store.errors import StoreError, StoreExistsError
 from softclose_store.listing import list_groups_again
 from softclose_store.parts import Parts, options
@@ -128,8 +128,7 @@ def write_group(
 
 def parents_of(name: str) -> list[str]:
     """Keys of the metadata of the plain groups that a result group lies in."""
-    parts = name.split("/")
-    return [f"{'/'.join(parts[:n])}/zarr.json" for n in range(1, len(parts))]
+    return [f"{parent}/zarr.json" for parent in ways(name)[:-1]]
 
 
 def _build(

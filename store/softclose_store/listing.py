@@ -19,7 +19,7 @@ from zarr.abc.store import Store
 
 from softclose_store.disk.files import StorePath, list_keys, look_at, normalised, open_files
 from softclose_store.disk.lock import DriverLock, lock_holder
-from softclose_store.disk.names import is_safe
+from softclose_store.disk.names import is_safe, ways
 from softclose_store.errors import LockedError
 from softclose_store.schema import digests
 from softclose_store.schema.documents import GroupArrayDocument, checked
@@ -59,8 +59,7 @@ def found_groups(files: Store, root: Root) -> Listing:
         entries = None if own is None else _kept(root, own) or _read(files, own)
         size += len(json.dumps(entries))
         if entries is not None and size <= MOST_LISTED:
-            parts = name.split("/")
-            listing |= {"/".join(parts[:n]): dict(PLAIN_GROUP) for n in range(1, len(parts))} | entries
+            listing |= {parent: dict(PLAIN_GROUP) for parent in ways(name)[:-1]} | entries
     return listing
 
 

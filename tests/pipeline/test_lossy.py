@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 
 from examples import examples
 from modal_reference import ModalSwitch
+from rendered import functions_of
 from softclose import Losses, Pulse, Waveform, load_population, simulate
 from softclose.device.simulate import SimulationError
 from softclose.kernel import bounces, generate_series
@@ -161,10 +161,7 @@ def test_columns_that_are_none_are_refused() -> None:
 @pytest.mark.parametrize("film", [False, True])
 @pytest.mark.parametrize("driven", [False, True])
 def test_the_series_solve_their_equation(driven: bool, film: bool, order: int) -> None:
-    made: dict[str, Any] = {}
-    exec(re.sub(r"@njit\(.*\)", "", generate_series.render(order)), made)
-    lossy_text = generate_series.render_lossy(order).replace("from softclose.kernel.series import _FAST", "")
-    exec(re.sub(r"@njit\(.*\)", "", lossy_text), made)
+    made = functions_of(generate_series.render(order), generate_series.render_lossy(order))
     x0, v0, gap, c, k, d, f, omega = 0.7, 0.1, 3.7, 2.2e-5, 0.019, 0.2, 3.0, 0.5
     u = made["drive"](made["constant"](50.0), 40.0 * np.cos(0.3), 40.0 * np.sin(0.3), omega) if driven else 50.0
     name = ("film" if film else "damped") + ("_driven" if driven else "_constant")

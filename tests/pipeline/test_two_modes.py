@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples import examples
+from rendered import functions_of
 from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, simulate
 from softclose.kernel import dispatch, generate_series
 from softclose.switch.reduced_order import CompliantContact, Dielectric, Mode
@@ -217,10 +217,7 @@ def test_what_has_no_series_goes_to_the_twin() -> None:
 
 @pytest.mark.parametrize("film", [False, True])
 def test_the_series_solve_their_equations(film: bool) -> None:
-    made: dict[str, Any] = {}
-    exec(re.sub(r"@njit\(.*\)", "", generate_series.render()), made)
-    text = generate_series.render_modes().replace("from softclose.kernel.series import _FAST", "")
-    exec(re.sub(r"@njit\(.*\)", "", text), made)
+    made = functions_of(generate_series.render(), generate_series.render_modes())
     u = made["drive"](made["constant"](50.0), 40.0 * np.cos(0.3), 40.0 * np.sin(0.3), 0.5)
     gap, ea, eb, ha, hb, ka, kb, da, db, fa, fb = 3.7, 1.0, 0.3, 2e-5, 1e-5, 0.019, 0.2, 0.01, 0.05, 3.0, 1.0
     extra = (fa, fb) if film else ()

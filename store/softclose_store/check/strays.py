@@ -15,6 +15,7 @@ from softclose_store.disk.files import (
     read_key,
     write_key,
 )
+from softclose_store.disk.names import ways
 from softclose_store.errors import StoreError
 
 
@@ -68,16 +69,10 @@ def clear_the_way(path: StorePath, keys: Sequence[str]) -> list[str]:
         return []
     found: dict[str, None] = {}
     for key in keys:
-        for at in _ways(key):
+        for at in ways(key):
             kind = files.below.kind(at)
             if kind not in ("", "a file" if at == key else "a folder"):
                 found[at] = None
             if kind != "a folder":
                 break
     return set_aside(path, list(found))
-
-
-def _ways(key: str) -> list[str]:
-    """The folders on the way to a key, then the key."""
-    parts = key.split("/")
-    return ["/".join(parts[:n]) for n in range(1, len(parts) + 1)]

@@ -14,7 +14,7 @@ from softclose_store.check.committed import most_rows, remains
 from softclose_store.check.report import BlockOf, Damage, ProblemKind, Report
 from softclose_store.disk.files import LocalFiles, StorePath, list_keys, look_at, normalised, open_files
 from softclose_store.disk.lock import LOCK_KEY
-from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe
+from softclose_store.disk.names import CHUNK_KEY_SEPARATOR, chunk_key, is_partial, is_safe, ways
 from softclose_store.errors import DamageError, NotPlainError, StoreError, StoreMissingError
 from softclose_store.groups import parents_of, result_groups
 from softclose_store.listing import PLAIN_GROUP, listing_problems
@@ -409,12 +409,7 @@ def block_keys(layout: Layout, stage: str, i: int, j: int) -> Iterator[str]:
 def _displaced(check: _Check, listed: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Result groups that the root lists, in whose place, or in that of a folder above them, something else lies."""
     groups = {name.rpartition("/")[0] for name, entry in listed.items() if entry.get("node_type") == "array"}
-    return sorted(name for name in groups if is_safe(name) and any(place in check.keys for place in _above(name)))
-
-
-def _above(name: str) -> list[str]:
-    parts = name.split("/")
-    return ["/".join(parts[:n]) for n in range(1, len(parts) + 1)]
+    return sorted(name for name in groups if is_safe(name) and any(place in check.keys for place in ways(name)))
 
 
 def _check_groups(check: _Check, own_names: Collection[str], displaced: Sequence[str]) -> None:

@@ -30,6 +30,12 @@ def chunk_key(name: str, *indices: int) -> str:
     return f"{name}/{CHUNK_KEY_SEPARATOR.join(['c', *map(str, indices)])}"
 
 
+def ways(key: str) -> list[str]:
+    """The folders on the way to a key, then the key."""
+    parts = key.split("/")
+    return ["/".join(parts[:n]) for n in range(1, len(parts) + 1)]
+
+
 def is_chunk_key(key: str) -> bool:
     """True for the key of a chunk, false for metadata."""
     return key.rpartition("/")[2].startswith(f"c{CHUNK_KEY_SEPARATOR}")

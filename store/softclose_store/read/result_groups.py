@@ -70,9 +70,7 @@ def read_group(path: StorePath, name: str) -> ResultGroup:
     check_name(name)
     where = normalised(path)
     files = open_files(path, read_only=True)
-    metadata = decode(look_at(files, f"{name}/zarr.json"), name)
-    if metadata is None and not _is_there(files, name):
-        raise StoreMissingError(f"{where} has no group {name}")
+    metadata = _own_metadata(files, where, name)
     contents: dict[str, bytes] = {}
     problems = group_problems(files, name, metadata, contents)
     if problems or metadata is None:
@@ -139,11 +137,16 @@ def group_attributes(path: StorePath, name: str) -> dict[str, Any] | None:
     StoreMissingError
         Where there is no such group.
     """
-    files = open_files(path, read_only=True)
+    metadata = _own_metadata(open_files(path, read_only=True), normalised(path), name)
+    return None if metadata is None else metadata.attributes
+
+
+def _own_metadata(files: Store, where: str, name: str) -> GroupMetadata | None:
+    """A group's own metadata; None where they are damaged. Raises StoreMissingError where there is no such group."""
     metadata = decode(look_at(files, f"{name}/zarr.json"), name)
     if metadata is None and not _is_there(files, name):
-        raise StoreMissingError(f"{normalised(path)} has no group {name}")
-    return None if metadata is None else metadata.attributes
+        raise StoreMissingError(f"{where} has no group {name}")
+    return metadata
 
 
 def group_problems(
