@@ -19,7 +19,7 @@ from softclose import Pulse, Waveform, simulate
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import respond
 from softclose.settings import CampaignConfig, load_config
-from softclose_store import DamageError, list_groups, open_campaign, read_group
+from softclose_store import DamageError, group_attributes, list_groups, open_campaign, read_group
 from softclose_workflows.analyses.certificates import read_certificate, write_certificate
 from softclose_workflows.analyses.certification import Certified
 from softclose_workflows.analyses.certify import (
@@ -148,11 +148,10 @@ def test_a_certification_is_computed_again_from_its_metadata(tmp_path: Path) -> 
     damaged.write_bytes(b"nothing")
     with pytest.raises(DamageError):
         read_certification(store)
-    certify_again(store, name)
+    certify_again(store, name, group_attributes(store, name))
     assert {p: p.read_bytes() for p in before} == before
-    (tmp_path / "a.zarr" / name / "zarr.json").write_text("{}")
     with pytest.raises(CertifyError, match="does not say any more what was certified"):
-        certify_again(store, name)
+        certify_again(store, name, None)
 
 
 def test_a_missing_reference_says_why(tmp_path: Path) -> None:

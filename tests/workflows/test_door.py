@@ -17,7 +17,7 @@ from door import DAMAGES, KINDS, READING, SORTS, WRITING, Case, contents, make_c
 from small_campaigns import COARSE, COMPLETE, finish, make_campaign
 from softclose import ALGORITHM
 from softclose.settings import load_config
-from softclose_store import DamageError, create_campaign, list_groups, open_campaign, repair, verify
+from softclose_store import DamageError, create_campaign, group_attributes, list_groups, open_campaign, repair, verify
 from softclose_store.disk import below
 from softclose_workflows.analyses.certify import certify, certify_again
 from softclose_workflows.analyses.recompute import recompute
@@ -63,6 +63,12 @@ def test_one_damaged_file_is_refused_by_name_or_makes_no_difference(damage: str,
     at = list(DAMAGES).index(damage)
     commands = {name: (READING | WRITING)[name] for name in QUICK}
     assert run_case(certified, kinds[(5 * at) % len(kinds)], damage, commands) == []
+
+
+@pytest.mark.parametrize("kind", ["certificates", "metadata of a certificate"])
+def test_of_a_folder_that_leads_elsewhere_the_root_says_what_was_certified(kind: str, certified: Case) -> None:
+    """Nothing is left of the certificate's metadata: what it was asked for comes from the root, as does its digest."""
+    assert run_case(certified, kind, "linked_folder", {"status": READING["status"]}) == []
 
 
 PARTS = 4
@@ -169,7 +175,8 @@ def mend(path: Path) -> None:
 
 
 def again(path: Path) -> None:
-    certify_again(str(path), list_groups(path)[0])
+    name = list_groups(path)[0]
+    certify_again(str(path), name, group_attributes(path, name))
 
 
 def longer(path: Path) -> None:

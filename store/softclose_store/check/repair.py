@@ -41,7 +41,7 @@ from softclose_store.read.described import DescribedFiles, never
 from softclose_store.read.result_groups import group_problems, metadata_of
 from softclose_store.schema import digests
 from softclose_store.schema.documents import RuntimeDocument, checked
-from softclose_store.schema.group_metadata import GroupMetadata
+from softclose_store.schema.group_metadata import OWN, GroupMetadata, decode
 from softclose_store.schema.hierarchy import (
     HYPERPARAMETER,
     HYPERPARAMETER_UNIT,
@@ -76,9 +76,11 @@ class Recompute:
     """The arrays of (stage, i_block, j_block), from the proposals of its candidates."""
     record: Callable[[DriverStore, int], Mapping[str, Any]]
     """The result of a candidate, from its blocks."""
-    group: Callable[[str, str], str] | None = None
-    """(path, name) of a derived group that is damaged: writes it again (`write_group`, replace). Returns why it cannot,
-    and what to do, "" where it did."""
+    group: Callable[[str, str, Mapping[str, Any] | None], str] | None = None
+    """(path, name, attributes) of a derived group that is damaged: writes it again (`write_group`, replace).
+
+    Returns why it cannot, and what to do, "" where it did. attributes: what was said of the result; None where nothing
+    says it any more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +139,7 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
         they are).
     """
     report = verify(path)
+    listed = _listed(path)
     log = _Log()
     _clear(path, [LOCK_KEY], log)  # what lies there is no lock, and where it leads nothing may be written
     lock = DriverLock(path)
@@ -159,7 +162,7 @@ def repair(path: StorePath, recompute: Recompute, *, break_lock: bool = False) -
         with RepairStore(path, break_lock=break_lock) as store:
             _repair_waves(store, recompute, report, log)
             _remove_pending(store, report, log)
-    _repair_groups(path, recompute, report, log)
+    _repair_groups(path, recompute, report, listed, log)
     remove_orphans(path)
     list_groups_again(path)
     return RepairReport(
@@ -395,8 +398,24 @@ def _remove_pending(store: RepairStore, report: Report, log: _Log) -> None:
         )
 
 
-def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _Log) -> None:
-    """Derived groups: metadata from the copy, then each is written again by whoever knows how."""
+def _listed(path: StorePath) -> dict[str, dict[str, Any]]:
+    """What the root lists of result groups before anything is repaired: what is lost is not listed afterwards."""
+    where = normalised(path)
+    files = open_files(path, read_only=True)
+    try:
+        return decode_root(look_at(files, ROOT_KEY) or b"", where).listed
+    except StoreError:
+        backup = read_backup(files, where)
+        return {} if backup is None else backup.listed
+
+
+def _repair_groups(
+    path: StorePath, recompute: Recompute, report: Report, listed: Mapping[str, Mapping[str, Any]], log: _Log
+) -> None:
+    """Derived groups: metadata from the copy, then each is written again by whoever knows how.
+
+    Of a group of which nothing is left the root still lists what was said of it, and its digest.
+    """
     files = open_files(path, read_only=False)
     for problem in report.problems:
         if problem.kind == "group" and problem.key:
@@ -407,8 +426,11 @@ def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _
         keys = list_keys(files)
         metadata = metadata_of(files, name, keys)
         if metadata is None:
-            if recompute.group is not None and not recompute.group(normalised(path), name):
-                log.add(f"group {name}, of whose metadata nothing was left, computed again", proved=False)
+            told = listed.get(name, {}).get("attributes")
+            if recompute.group is not None and not recompute.group(normalised(path), name, told):
+                again = decode(look_at(files, f"{name}/zarr.json"), name)
+                is_same = told is not None and again is not None and again.digest == told.get(OWN)
+                log.add(f"group {name}, of whose metadata nothing was left, computed again", proved=is_same)
                 continue
             left = any(key.startswith(f"{name}/") for key in keys)
             log.failed.append(
@@ -422,7 +444,7 @@ def _repair_groups(path: StorePath, recompute: Recompute, report: Report, log: _
             continue
         reason = "nobody knows how to compute it again"
         if recompute.group is not None:
-            reason = recompute.group(normalised(path), name)
+            reason = recompute.group(normalised(path), name, metadata.attributes)
         if reason:
             log.failed.append(f"group {name}: {reason}")
             continue

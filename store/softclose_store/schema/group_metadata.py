@@ -52,6 +52,11 @@ class GroupMetadata:
         return files
 
     @property
+    def digest(self) -> str:
+        """The digest of the metadata: with those of all files in it."""
+        return str(self.document["attributes"][OWN])
+
+    @property
     def keys(self) -> list[str]:
         """Every key of the group, its own metadata first. Raises DamageError for a name that is no file of it."""
         return [f"{self.name}/zarr.json", *(checked_member(self.name, member) for member in self.files)]

@@ -8,8 +8,9 @@ draws, so Eq. 11 and its companions hold whatever the campaign's own sampling is
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from softclose.opening import WATCHED, Opening, OpeningError, Openings, Released
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
 from softclose.waveform import Drive, Waveform
-from softclose_store import Campaign, StoreMissingError, group_attributes, open_campaign
+from softclose_store import Campaign, StoreMissingError, open_campaign
 from softclose_workflows.analyses.certificates import name_of, read_certificate, request_of, write_certificate
 from softclose_workflows.analyses.certificates import read_certification as read_certification
 from softclose_workflows.analyses.certification import Certification as Certification
@@ -136,12 +137,25 @@ def _designs(
     return waveforms, reference_designs(config).designs
 
 
-def certify_again(path: str, name: str) -> None:
-    """Compute the certification in group `name` again, from the group's own metadata and the campaign, and write it.
+def certify_again(path: str, name: str, attributes: Mapping[str, Any] | None) -> None:
+    """Compute the certification in group `name` again, from what it was asked for and the campaign, and write it.
 
-    For the repair of a group whose arrays are damaged. Raises CertifyError where the metadata is lost too.
+    For the repair of a group whose arrays are damaged.
+
+    Parameters
+    ----------
+    path : str
+        Folder or URL of the store.
+    name : str
+        Such as `certification/20000-0`.
+    attributes : mapping or None
+        Those of the group; None where nothing says them any more.
+
+    Raises
+    ------
+    CertifyError
+        Where that does not say what was certified, or the campaign has not come as far again.
     """
-    attributes = group_attributes(path, name)
     if attributes is None:
         raise CertifyError(
             f"{name} of {path} does not say any more what was certified: delete that group and run `softclose certify`"

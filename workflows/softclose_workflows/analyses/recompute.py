@@ -192,8 +192,8 @@ def _record(store: DriverStore, i: int) -> dict[str, Any]:
     return records.assessment_record(found, told(config, response, found))
 
 
-def _group(path: str, name: str) -> str:
-    """A certification again, whose own metadata say what it was asked for; the opening of a candidate; the basins."""
+def _group(path: str, name: str, attributes: Mapping[str, Any] | None) -> str:
+    """A certification again, whose attributes say what it was asked for; the opening of a candidate; the basins."""
     if name.startswith(f"{BY_HAND}/"):
         return f"{name} of {path} says what was changed by hand, which nothing computes again: restore it from a copy"
     try:
@@ -208,7 +208,7 @@ def _group(path: str, name: str) -> str:
             return keep_releases(path, released)
         candidate = candidate_of(name)
         if candidate is None:
-            certify_again(path, name)
+            certify_again(path, name, attributes)
         elif designed_opening(path, candidate) is None:
             return f"{name} of {path} belongs to no opening that this campaign designs: delete that group"
     except (CertifyError, OpeningError, StoreError) as e:
