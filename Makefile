@@ -6,6 +6,8 @@ RUNS    ?= runs
 WORKERS ?= 2
 TESTERS ?= auto
 LONG    ?=
+# Where the tests write: in memory, where there is room; on a disk they wait for it most of their time.
+SCRATCH := TMPDIR=$$($(BIN)/python tests/scratch.py)
 INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 
 # One thread per process: numerical libraries must not reorder sums, nor fight Dask for cores.
@@ -63,7 +65,7 @@ run: env  ## the main job: two and three pulses for the current design (RUNS=...
 
 test: env-test  ## a case of every claim, on as many processes as there are cores (TESTERS=...)
 	PYTHONPATH=tests $(BIN)/python -m compile_kernels
-	$(BIN)/python -m pytest --numprocesses $(TESTERS) --dist worksteal
+	$(SCRATCH) $(BIN)/python -m pytest --numprocesses $(TESTERS) --dist worksteal
 
 lint: env-lint  ## style, types and the direction of imports
 	$(BIN)/ruff check .
@@ -82,7 +84,7 @@ readme: env  ## the README's picture and table, from the stores of `make run`, c
 
 long: env-test  ## what `make test` leaves out: every case of the claims that take minutes
 	PYTHONPATH=tests $(BIN)/python -m compile_kernels
-	SOFTCLOSE_WHOLE=1 $(BIN)/python -m pytest -m long --timeout 1800 $(LONG) --numprocesses $(TESTERS) --dist worksteal
+	$(SCRATCH) SOFTCLOSE_WHOLE=1 $(BIN)/python -m pytest -m long --timeout 1800 $(LONG) --numprocesses $(TESTERS) --dist worksteal
 
 wheel: env  ## sdist, and the wheel built from it, installed elsewhere: a small run and its report from an empty folder
 	rm -rf build/wheel && mkdir -p build/wheel/empty

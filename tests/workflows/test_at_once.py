@@ -75,7 +75,7 @@ def test_without_workers_to_share_it_is_refused(tmp_path: Path) -> None:
     assert "--at-once needs workers that several drivers can share" in done.stderr
 
 
-@pytest.mark.parametrize("missing", [True, False])
+@pytest.mark.parametrize("missing", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_where_one_fails_its_words_are_told_and_no_other_begins(missing: bool, tmp_path: Path) -> None:
     store = str(tmp_path / "a.zarr")
     if not missing:
