@@ -46,7 +46,7 @@ def certify(path):
 def recompute(**changes):
     """How small_store's numbers, and the result group, are computed again."""
 
-    def group(path, name):
+    def group(path, name, attributes):
         if name == GROUP:
             certify(path)
         return "" if name == GROUP else "unknown"
@@ -382,7 +382,7 @@ def test_metadata_of_a_group_and_their_copy_give_each_other_back_and_without_bot
         assert contents(finished) == contents(original)
     own.write_bytes(b"")
     copy.write_bytes(b"")
-    done = repair(finished, recompute(group=lambda path, name: "its name does not say enough"))
+    done = repair(finished, recompute(group=lambda path, name, attributes: "its name does not say enough"))
     assert not done.ok
     assert done.failed[0].endswith(f"delete {finished}/{GROUP} and make it again")
     shutil.copytree(finished, finished.with_name("other.zarr"))
@@ -496,7 +496,7 @@ def test_damage_of_every_kind_in_one_store_is_repaired_in_one_go(finished, origi
 
 
 def test_a_group_made_again_is_proved_only_where_it_is_the_same(finished):
-    def other(path, name):
+    def other(path, name, attributes):
         write_group(path, name, {"speed": GroupArray(dims=("s",), values=np.ones(9), unit="cm/s")}, {}, replace=True)
         return ""
 
@@ -504,6 +504,23 @@ def test_a_group_made_again_is_proved_only_where_it_is_the_same(finished):
     done = repair(finished, recompute(group=other))
     assert done.ok
     assert (done.proved, done.unproved) == ((), ("group certification/one computed again",))
+
+
+def test_of_a_group_that_is_lost_whole_the_root_says_what_it_was_made_for_and_proves_it(finished, original, tmp_path):
+    told = []
+
+    def group(path, name, attributes):
+        told.append((name, attributes))
+        certify(path)
+        return ""
+
+    (finished / "certification").rename(tmp_path / "elsewhere")
+    (finished / "certification").symlink_to(tmp_path / "elsewhere")
+    done = repair(finished, recompute(group=group))
+    assert done.ok
+    assert told == [(GROUP, {"n": 9})]
+    assert f"group {GROUP}, of whose metadata nothing was left, computed again" in done.proved
+    assert contents(finished) == contents(original)
 
 
 def test_digests_of_other_candidates_are_written_again_where_the_values_prove_themselves(finished):

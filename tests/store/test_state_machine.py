@@ -47,7 +47,7 @@ def certify(path: Path) -> None:
 
 
 def mended(path: Path) -> Any:
-    def group(where: Any, name: str) -> str:
+    def group(where: Any, name: str, attributes: Any) -> str:
         certify(Path(where))
         return ""
 

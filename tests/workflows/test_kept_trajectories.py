@@ -224,8 +224,8 @@ def test_groups_of_nothing_are_not_computed_again(finished: Path) -> None:
     again = recompute().group
     assert again is not None
     for name in ("trajectories/certification-300-1/candidate-99", "trajectories/certification-300-1/nothing"):
-        assert "delete that group" in again(str(finished), name)
-    assert "delete that group" in again(str(finished), "trajectories/certification-x/unshaped")
+        assert "delete that group" in again(str(finished), name, None)
+    assert "delete that group" in again(str(finished), "trajectories/certification-x/unshaped", None)
 
 
 def test_without_trials_nothing_is_kept_of_them(tmp_path: Path) -> None:
@@ -234,8 +234,8 @@ def test_without_trials_nothing_is_kept_of_them(tmp_path: Path) -> None:
     assert [group.partition("/")[0] for group in list_groups(path)] == ["opening"]
     again = recompute().group
     assert again is not None
-    assert "delete" in again(str(path), actuations.NAME)
-    assert "delete" in again(str(path), releases.name_of(best_of(path)))
+    assert "delete" in again(str(path), actuations.NAME, None)
+    assert "delete" in again(str(path), releases.name_of(best_of(path)), None)
 
 
 def test_a_release_without_a_brake_is_kept_in_every_case(tmp_path: Path) -> None:
