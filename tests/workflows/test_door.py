@@ -71,6 +71,11 @@ def test_of_a_folder_that_leads_elsewhere_the_root_says_what_was_certified(kind:
     assert run_case(certified, kind, "linked_folder", {"status": READING["status"]}) == []
 
 
+@pytest.mark.parametrize("damage", ["swapped", "foreign"])
+def test_no_command_takes_the_root_of_the_creation_for_that_of_now(damage: str, certified: Case) -> None:
+    assert run_case(certified, "root", damage, {name: WRITING[name] for name in ("resume", "extend")}) == []
+
+
 PARTS = 4
 """Tests of a sort, so that processes share them."""
 

@@ -32,3 +32,13 @@ def is_as_created(files: Store, root: Root) -> bool:
         return bool(read_json(look_at(files, RUNTIME_KEY) or b"")["attributes"].get("runs"))
     except (ValueError, KeyError, TypeError, AttributeError):
         return False
+
+
+def age_problem(files: Store, root: Root, known: int) -> str:
+    """Why the root is of an earlier time than the tables, an old copy for instance; "" where it is not.
+
+    known: waves that the rows behind the committed ones know of (`RecordTable.waves_beyond`).
+    """
+    if known > root.n_waves + 1 or (known and is_as_created(files, root)):
+        return f"is of an earlier time: it says {root.n_waves} waves, and the tables have {known}"
+    return ""

@@ -19,7 +19,7 @@ from softclose_store.read.by_hand import Changed, latest_readings, read_by_hand
 from softclose_store.read.checked import CheckedBlocks
 from softclose_store.read.described import DescribedFiles
 from softclose_store.read.labelled import CheckedFiles
-from softclose_store.read.metadata import is_as_created
+from softclose_store.read.metadata import age_problem
 from softclose_store.read.rows import LazyRows
 from softclose_store.read.table import RecordTable
 from softclose_store.schema.fields import PARAMETERS, RESPONSE_QUANTITIES, limit_texts, unit_in
@@ -228,12 +228,10 @@ class Campaign:
     def _check_age(self, table: RecordTable) -> None:
         """Raise DamageError where the root is of an earlier time than the tables, an old copy for instance."""
         known = table.waves_beyond(self._files, self.committed)
-        if known <= self.n_waves + 1 and not (known and is_as_created(self._plain, self._root)):
-            return
-        now = read_root(self._plain, self.path)  # a run may have gone on since this view was opened
-        if known > now.n_waves + 1 or is_as_created(self._plain, now):
-            what = f"is of an earlier time: it says {now.n_waves} waves, and the tables have {known}"
-            raise self._files.damage(ROOT_KEY, what)
+        if age_problem(self._plain, self._root, known):
+            now = read_root(self._plain, self.path)  # a run may have gone on since this view was opened
+            if what := age_problem(self._plain, now, known):
+                raise self._files.damage(ROOT_KEY, what)
 
     def _static(self, name: str) -> NDArray[Any]:
         if name not in self._statics:

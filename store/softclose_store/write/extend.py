@@ -18,7 +18,7 @@ from softclose_store.disk.files import StorePath, delete_key, look_at, normalise
 from softclose_store.disk.lock import DriverLock
 from softclose_store.errors import LayoutError, OtherAlgorithmError, OtherConfigurationError, StoreError
 from softclose_store.read.arrays import described, layout_of, population_of, read_static
-from softclose_store.read.metadata import check_metadata
+from softclose_store.read.metadata import age_problem, check_metadata
 from softclose_store.read.table import RecordTable
 from softclose_store.schema import digests
 from softclose_store.schema.hierarchy import TABLES, build_hierarchy, constants_of, growing_arrays
@@ -82,11 +82,13 @@ def extend_campaign(
             return  # it was cut off before, and is complete now
         read = described(files, root, where)
         old = layout_of(read, root)
-        _check(root, old, layout, plain, algorithm, where)
-        check_metadata(read, root)
         table = RecordTable(old)
         table.load(read, root.n_committed)
         table.check(read, root.n_committed)
+        if what := age_problem(files, root, table.waves_beyond(read, root.n_committed)):
+            raise read.damage(ROOT_KEY, what)
+        _check(root, old, layout, plain, algorithm, where)
+        check_metadata(read, root)
         extended = _extended(files, root, replace(layout, table_chunk=old.table_chunk), plain, dict(note), where)
         write_key(_durable(path, root), EXTENSION_KEY, extended.encode())
         complete_extension(files, where)
