@@ -83,7 +83,7 @@ readme: env  ## the README's picture and table, from the stores of `make run`, c
 	$(BIN)/python docs/readme.py $(RUNS)
 
 long: env-test  ## what `make test` leaves out: every case of the claims that take minutes
-	PYTHONPATH=tests $(BIN)/python -m compile_kernels
+	SOFTCLOSE_WHOLE=1 PYTHONPATH=tests $(BIN)/python -m compile_kernels
 	$(SCRATCH) SOFTCLOSE_WHOLE=1 $(BIN)/python -m pytest -m long --timeout 1800 $(LONG) --numprocesses $(TESTERS) --dist worksteal
 
 wheel: env  ## sdist, and the wheel built from it, installed elsewhere: a small run and its report from an empty folder

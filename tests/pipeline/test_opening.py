@@ -123,7 +123,7 @@ def test_what_swings_for_ever_never_settles(watch_us: float) -> None:
     assert np.isinf(found.rest_us[found.held]).all()
 
 
-@pytest.mark.parametrize("stiffness", [1e4, 5e4, 5e5])
+@pytest.mark.parametrize("stiffness", [1e4, 5e4, pytest.param(5e5, marks=pytest.mark.long)])
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 def test_a_compliant_contact_lets_go_whatever_its_indentation(
     tmp_path: Path, stiffness: float, exponent: float

@@ -242,7 +242,7 @@ def _of_the_clock(key: str) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WORKS)
 def test_a_kill_within_repair_extension_or_a_group_is_mended(name: str, smallest: Case, tmp_path: Path) -> None:
-    _kill_within(name, smallest, tmp_path, step=29)
+    _kill_within(name, smallest, tmp_path, step=61)
 
 
 @pytest.mark.long

@@ -105,8 +105,9 @@ def test_extensions_resume_replay_and_follow_each_other(store: Path, tmp_path: P
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("step", [17, pytest.param(5, marks=pytest.mark.long)])
 def test_an_extension_that_is_cut_off_is_completed_by_whoever_next_writes(
-    store: Path, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    step: int, store: Path, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = Path(shutil.copytree(store, tmp_path / "whole.zarr"))
     n = open_campaign(store).budget
@@ -117,7 +118,7 @@ def test_an_extension_that_is_cut_off_is_completed_by_whoever_next_writes(
     monkeypatch.setattr(writing, "write_key", lambda *a: (keys.append(a[1]), write(*a)))
     extend(str(shutil.copytree(finished, tmp_path / "counted.zarr")), n + 5)
     assert keys[0] == "candidates/digests/extension.json"
-    for k in range(0, len(keys) + 1, 5):
+    for k in range(0, len(keys) + 1, step):
         left = [k]
 
         def failing(*a: Any, left: list[int] = left) -> None:

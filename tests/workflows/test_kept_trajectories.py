@@ -172,6 +172,7 @@ def test_a_race_keeps_every_racer_on_the_switches_that_it_ran_on(store: Path) ->
     assert verify(path).ok
 
 
+@pytest.mark.long
 def test_two_workers_keep_the_same_bits_as_this_process(finished: Path, tmp_path: Path) -> None:
     run(tmp_path / "b.zarr", *SETTINGS, workers="--workers 2")
     assert differences(finished, tmp_path / "b.zarr") == []

@@ -67,6 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch_module: pytest.
     return out
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_second_run_writes_the_same_bytes(folder: Path) -> None:
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and "stores" not in p.parts}
