@@ -31,12 +31,12 @@ from softclose_store.disk.files import (
     write_key,
 )
 from softclose_store.disk.names import is_safe, ways
-from softclose_store.errors import StoreError, StoreExistsError
+from softclose_store.errors import DamageError, StoreError, StoreExistsError
 from softclose_store.listing import list_groups_again
 from softclose_store.parts import Parts, options
 from softclose_store.read.result_groups import check_name, metadata_of
 from softclose_store.schema import digests
-from softclose_store.schema.group_metadata import COPY_NAME, FILES, NAME, GroupMetadata
+from softclose_store.schema.group_metadata import COPY_NAME, FILES, NAME, OWN, GroupMetadata
 from softclose_store.schema.opening import read_root
 
 
@@ -188,9 +188,21 @@ def list_groups(path: StorePath, prefix: str = "") -> list[str]:
         Folder or URL of the store.
     prefix : str
         Only those whose name starts with it.
+
+    Raises
+    ------
+    DamageError
+        Where the root lists one of them that is not there: what lies in it, certificates for instance, would count.
     """
-    files = open_files(path, read_only=True)
-    return [name for name in result_groups(files, list_keys(files)) if name.startswith(prefix)]
+    where, files = normalised(path), open_files(path, read_only=True)
+    root = read_root(files, where)  # before the look at what is there: a group is written first, and listed then
+    found = [name for name in result_groups(files, list_keys(files)) if name.startswith(prefix)]
+    listed = {name for name, entry in root.listed.items() if OWN in entry["attributes"] and name.startswith(prefix)}
+    for name in sorted(listed.difference(found)):
+        raise DamageError(
+            f"group {name} of {where} is listed in the root, and not there: run `softclose verify {where} --repair`"
+        )
+    return found
 
 
 def result_groups(files: Store, keys: Sequence[str]) -> dict[str, GroupMetadata | None]:
