@@ -67,7 +67,10 @@ def launchers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-SHORT = ("README.md", "docs/how-to/scripts.md", "docs/how-to/compare.md")
+SHORT = (
+    "README.md",
+    *(f"docs/how-to/{name}.md" for name in ("own-simulator", "own-waveform", "scripts", "tails", "xarray")),
+)
 """Pages that `make test` runs; `make long` runs the others."""
 
 

@@ -32,6 +32,7 @@ def _fitted(n: int, seed: int) -> Population:
     return calibrate(_measured(n, seed), bounds=BOUNDS, n_bootstrap=20).population
 
 
+@pytest.mark.long
 def test_the_truth_is_among_what_the_devices_leave_open() -> None:
     """Of 24 lots of 25 devices; a certificate's interval, which knows of no devices, misses it most of the time."""
     truth = evaluate(CONFIG, TRUTH.sample(50_000, seed=9), SOFT, fresh=True).v_u_cm_s
