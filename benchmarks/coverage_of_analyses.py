@@ -6,6 +6,7 @@ coordinates stand in for the simulator, so that the truth is a closed form; `pro
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -142,7 +143,10 @@ def print_sensitivity(repetitions: int, n: int = 256) -> None:
 
 
 def print_fitted(repetitions: int, lots: int = 500) -> None:
-    """Numbers of a Beta with alpha + beta = 4 fitted to a handful of devices, bounds unknown."""
+    """Numbers of a Beta with alpha + beta = 4 fitted to a handful of devices, bounds unknown.
+
+    The lots that are tried are the same for any data: a hundred repetitions after one another share them.
+    """
     names = ("lower", "upper", "mean", "sd")
     _heading(f"Fitted lots ({lots} lots tried)", ("devices", "alpha", "repetitions", *names))
     for n in (12, 60):
@@ -152,14 +156,12 @@ def print_fitted(repetitions: int, lots: int = 500) -> None:
 
             def held(n: int = n, true: Bounded = true, truth: list[float] = truth) -> Iterator[NDArray[np.bool_]]:
                 rng = np.random.default_rng((n, round(100 * true.alpha)))
-                seed = 0
-                while True:
+                for i in itertools.count():
                     values = true.lower + (true.upper - true.lower) * rng.beta(true.alpha, true.beta, n)
-                    numbers = fit(values, "beta", n_bootstrap=lots, seed=seed).numbers
+                    numbers = fit(values, "beta", n_bootstrap=lots, seed=i // 100).numbers
                     yield np.array([
                         numbers[k].interval[0] <= t <= numbers[k].interval[1] for k, t in zip(names, truth, strict=True)
                     ])  # fmt: skip
-                    seed += 1
 
             shares = _shares(held(), repetitions)
             print(f"| {n} | {alpha:g} | {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
