@@ -168,25 +168,26 @@ def print_fitted(repetitions: int, lots: int = 500) -> None:
 
 
 def print_devices(repetitions: int, n_devices: int = 12, lots: int = 80, switches: int = 800) -> None:
-    """`propagate` without bounds: devices of the lot `current`, the soft waveform, simulated."""
+    """`propagate` without bounds: devices of the lot `current`, the soft waveform, simulated.
+
+    A hundred repetitions after one another share the lots that are tried, and their switches.
+    """
     config, true = load_config("current"), load_population("current")
     right = evaluate(config, draw(config, 200_000, seed=10_000, sampling="sobol"), SOFT)
     truth = {"v_u_cm_s": right.v_u_cm_s, "p_nc": right.p_nc}
     _heading(f"What {n_devices} devices leave open ({lots} lots of {switches})", ("repetitions", "v_u", "p_nc"))
 
     def held() -> Iterator[NDArray[np.bool_]]:
-        seed = 0
-        while True:
-            p = true.sample_parameters(n_devices, seed=seed + 1)
+        for i in itertools.count():
+            p = true.sample_parameters(n_devices, seed=i + 1)
             measured = Measurements(
                 device=tuple(map(str, range(n_devices))), G_um=p[:, 1], D_um=p[:, 0], T_um=p[:, 3],
                 pull_in_V=pull_in_voltage(switches_from_parameters(p)),
             )  # fmt: skip
             fitted = calibrate(measured, n_bootstrap=20).population
-            found = devices.propagate(config, SOFT, fitted, n_devices, n_lots=lots, n_switches=switches, seed=seed)
+            found = devices.propagate(config, SOFT, fitted, n_devices, n_lots=lots, n_switches=switches, seed=i // 100)
             ends = [found.interval(name) for name in truth]
             yield np.array([low <= t <= high for (low, high), t in zip(ends, truth.values(), strict=True)])
-            seed += 1
 
     shares = _shares(held(), repetitions)
     print(f"| {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
