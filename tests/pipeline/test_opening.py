@@ -188,10 +188,12 @@ def test_under_every_condition_each_switch_opens_as_it_does_alone(name: str) -> 
         assert found.rest_us[i] == pytest.approx(max(rest), abs=0.7)  # two looks
 
 
-def test_at_its_worst_temperature_a_switch_is_judged_where_it_is_held_at_all_of_them() -> None:
-    """Against one release for each temperature."""
-    config = load_config({"temperature": HOT | {"worst_of": 3}})
-    plain, lot, drive = load_config({}), draw(config, 300, seed=3), opened(SOFT, 90.0)
+@pytest.mark.parametrize("adhesion_uN", [0.0, 150.0])
+def test_at_its_worst_temperature_a_switch_is_judged_where_it_is_held_at_all_of_them(adhesion_uN: float) -> None:
+    """Against one release for each temperature; hot, the spring is too weak for what a contact of 150 µN keeps."""
+    model = {"model": {"adhesion_uN": adhesion_uN}}
+    config = load_config(model | {"temperature": HOT | {"worst_of": 3}})
+    plain, lot, drive = load_config(model), draw(config, 300, seed=3), opened(SOFT, 90.0)
     found = let_go(config, lot, drive, at_us=90.0)
     alone = [let_go(plain, heated(config.temperature, lot, c), drive, at_us=90.0) for c in (-40.0, 22.5, 85.0)]
     held = np.all([r.held for r in alone], axis=0)
@@ -199,6 +201,7 @@ def test_at_its_worst_temperature_a_switch_is_judged_where_it_is_held_at_all_of_
     np.testing.assert_array_equal(found.held, held)
     np.testing.assert_array_equal(found.rebound, held & np.any([r.rebound for r in alone], axis=0))
     np.testing.assert_array_equal(found.stuck, held & np.any([r.stuck for r in alone], axis=0))
+    assert (found.stuck & ~np.all([r.stuck for r in alone], axis=0)).any() == (adhesion_uN > 0.0)
     for name in ("overshoot", "rest_us"):
         worst = np.max([getattr(r, name)[held] for r in alone], axis=0)
         np.testing.assert_array_equal(getattr(found, name)[held], worst, name)
@@ -234,6 +237,21 @@ def test_no_brake_takes_the_drive_above_its_limit(monkeypatch: pytest.MonkeyPatc
     found = brake.voltage(np.linspace(250.0, 300.0, 501)).max()
     assert 105.0 < found <= 115.0
     assert max(tried) <= 115.0, "none above it is even simulated"
+
+
+def test_a_brake_begins_within_a_period_of_the_switch_after_the_drive_is_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    config, drive = load_config({}), opened(SOFT, 250.0)
+    lot = draw(config, 200, seed=1)
+    begun: list[float] = []
+
+    def judged(_config: Any, _lot: Any, waveform: Waveform, **_: Any) -> Any:
+        begun.append(waveform.pulses[-1].start_us - 250.0)
+        return told()
+
+    monkeypatch.setattr(opening, "judge_opening", judged)
+    design_brake(config, lot, drive, at_us=250.0, budget=200)
+    period = 2.0 * math.pi * math.sqrt(np.median(lot["M"] / (1e-3 * lot["K"])))  # µg and µN/µm: µs
+    assert 0.3 * period < max(begun) <= drive.pulses[-1].rise_us + period
 
 
 @pytest.mark.parametrize("fate", ["p_stuck", "p_rebound"])

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from modal_reference import EPS0, oracle
 from softclose import Losses, Pulse, ReducedOrder, Waveform, simulate
 from softclose.device.simulate import SimulationError, Status
-from softclose.switch.losses import LossesError
+from softclose.switch.losses import LossesError, shape_factor
 from softclose.switch.plate import pull_in_voltage
 from softclose.switch.reduced_order import Capacitance, CompliantContact, Dielectric, Mode, ReducedOrderError
 from softclose.waveform import Trace
@@ -233,3 +233,29 @@ def test_a_model_with_every_term_is_stored_and_read_back() -> None:
         contact=CompliantContact(force_at_1_um_uN=1e5, dashpot_uN_s_per_m=20.0),
     )
     assert ReducedOrder.from_dict(model.to_dict()) == model
+
+
+def test_a_film_s_length_and_width_are_the_longer_and_the_shorter_side() -> None:
+    found = [
+        Losses(film_viscosity_uPa_s=18.0, film_length_um=a, film_width_um=b).film(AREA)
+        for a, b in ((200.0, 50.0), (50.0, 200.0))
+    ]
+    assert found[0] == found[1] == pytest.approx(1e-9 * 18.0 * 200.0 * 50.0**3 * shape_factor(0.25))
+
+
+def test_damping_at_rest_adds_up() -> None:
+    """Against the formula, for switches of which no two columns are alike."""
+    losses = Losses(quality_factor=5.0, film_viscosity_uPa_s=18.0, film_mean_free_path_um=0.07, film_pressure_kPa=50.0)
+    switches = np.array([[2.4, 3.7, 65.0, 3.4], [1.9, 2.9, 91.0, 5.2]])
+    free = 0.07 * 101.325 / 50.0
+    for (_, gap, k, m), found in zip(switches, losses.damping_at_rest(switches, AREA), strict=True):
+        force = 1e-9 * 18.0 * AREA**2 * shape_factor(1.0) / gap**3 / (1.0 + 9.638 * (free / gap) ** 1.159)
+        assert found == pytest.approx(1.0 / 5.0 + force / math.sqrt(1e-3 * k * m))
+
+
+def test_a_switch_that_only_sticks_loses_something() -> None:
+    assert Losses().none
+    assert not any(
+        x.none for x in (Losses(quality_factor=9.0), Losses(film_viscosity_uPa_s=1.0), Losses(adhesion_uN=1.0))
+    )
+    assert not Losses(adhesion_uN=1.0).moving
