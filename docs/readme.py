@@ -39,6 +39,8 @@ def digest(figures: dict[str, Any]) -> str:
 
 def table(figures: dict[str, Any]) -> str:
     """The README's table."""
+    from softclose_workflows.tell.tables import share, with_interval
+
     lines = [
         f"On {figures['n_switches']:,} new simulated switches that the search never saw:",
         "",
@@ -46,12 +48,11 @@ def table(figures: dict[str, Any]) -> str:
         "| --- | --- | --- | --- |",
     ]
     for row in figures["rows"]:
-        low, high = row["v_u_interval"]
-        first, last = (100.0 * end for end in row["p_nc_interval"])
-        lines.append(
-            f"| {NAMES[row['name']]} | {PUBLISHED[row['name']]} | {row['v_u_cm_s']:.2f} ({low:.2f}–{high:.2f}) | "
-            f"{100.0 * row['p_nc']:.2f} % ({first:.2f}–{last:.2f}) |"
+        speed, left_open = (
+            with_interval(row["v_u_cm_s"], *row["v_u_interval"]),
+            share(row["p_nc"], *row["p_nc_interval"]),
         )
+        lines.append(f"| {NAMES[row['name']]} | {PUBLISHED[row['name']]} | {speed} | {left_open} |")
     return "\n".join(lines)
 
 

@@ -6,6 +6,8 @@ import html
 import math
 from collections.abc import Sequence
 
+from softclose.digits import digits_of
+
 Lines = Sequence[tuple[str, str]]
 """(name, value) of each line."""
 
@@ -26,5 +28,6 @@ def ranged(value: float, lower: float, upper: float, unit: str) -> str:
     """`17.90 cm/s (17.56–18.31)`; a dash where it is not defined, no ends where no interval holds."""
     if math.isnan(value):
         return "–"
-    ends = "" if math.isnan(lower) or math.isnan(upper) else f" ({lower:.2f}–{upper:.2f})"
-    return f"{value:.2f} {unit}{ends}".replace("inf", "∞")
+    digits = digits_of(value, lower, upper)
+    ends = "" if math.isnan(lower) or math.isnan(upper) else f" ({lower:.{digits}f}–{upper:.{digits}f})"
+    return f"{value:.{digits}f} {unit}{ends}".replace("inf", "∞")

@@ -49,7 +49,7 @@ def test_the_only_parameter_that_matters_has_the_shortest_length_scale(learned: 
 
 def test_dependence_has_its_minimum_where_the_objective_has(learned: Dependence) -> None:
     j = learned.names.index("volts2")
-    unit = np.linspace(0.0, 1.0, learned.grid.shape[1])
+    unit = problem().space.coordinates[j].unit(learned.grid[j])
     for curve in (learned.mean_cm_s[j], learned.slice_cm_s[j]):
         assert unit[int(np.argmin(curve))] == pytest.approx(0.6, abs=0.06)
     assert learned.slice_cm_s[j].min() == pytest.approx(20.0, abs=0.3)
@@ -74,10 +74,27 @@ def test_a_map_says_nothing_where_no_candidate_is_near(learned: Dependence) -> N
     for (i, j), values in zip(learned.pairs, learned.pair_cm_s, strict=True):
         u, v = (axes[k].unit(learned.pair_grid[k]) for k in (i, j))
         tried = np.column_stack([axes[k].unit(learned.tried[:, k]) for k in (i, j)])
+        spans = np.ptp(u), np.ptp(v)
         for row, col in ((0, 0), (8, 3), (16, 16)):
-            near = np.hypot(*(tried - (u[col], v[row])).T).min()
+            near = np.hypot(*((tried - (u[col], v[row])) / spans).T).min()
             assert np.isnan(values[row, col]) == (near > dependence.NEAR)
     assert np.isnan(learned.pair_cm_s).any()
+
+
+def test_curves_and_maps_show_where_the_better_candidates_are(learned: Dependence) -> None:
+    """Over the whole search range what matters is a dot."""
+    j = learned.names.index("volts2")
+    axis = problem().space.coordinates[j]
+    u = axis.unit(learned.grid[j])
+    assert u[0] > 0.05  # the better half of the candidates lies between 0.35 and 0.85 of it
+    assert u[-1] < 0.999
+    g = np.array([o.g_cm_s for o in history(problem())])
+    for k, coordinate in enumerate(problem().space.coordinates):
+        tried = coordinate.unit(learned.tried[g <= np.median(g), k])
+        for grid in (coordinate.unit(learned.grid[k]), coordinate.unit(learned.pair_grid[k])):
+            assert grid[0] <= tried.min() + 1e-9
+            assert grid[-1] >= tried.max() - 1e-9
+            assert np.ptp(grid) <= 1.5 * np.ptp(tried) + 1e-9
 
 
 def test_the_best_candidate_lies_in_the_best_colours_of_every_map() -> None:

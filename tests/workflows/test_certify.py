@@ -35,7 +35,7 @@ from softclose_workflows.analyses.certify import (
     simulate_fresh,
 )
 from softclose_workflows.analyses.chosen import choose
-from softclose_workflows.analyses.drive_off import GAINS, drive_off_to_json
+from softclose_workflows.analyses.drive_off import GAINS, drive_off_lines, drive_off_to_json
 from softclose_workflows.cli import main
 
 N = 1500
@@ -294,7 +294,8 @@ def test_a_certificate_says_what_a_drive_that_is_a_little_off_does(
     stored = read_certificate(store, "certification/400-1")
     assert [row.assessment for row in stored.drive_off] == [row.assessment for row in rows]
     lines = CliRunner().invoke(main, ["certify", store, "--switches", "400", "--top", "1", "-q"]).stdout
-    assert "the best, where drive or model is off (400 of the new switches):" in lines
+    assert "the best where its volts are off, on all 400 new switches:" in lines
+    assert "Volts +1 % is also what happens if the device model’s pull-in voltages are 1 % too high" in lines
     assert "volts +3 %: v_u " in lines
     monkeypatch.setattr(
         "softclose_workflows.analyses.certify.MOST", 150
@@ -302,6 +303,9 @@ def test_a_certificate_says_what_a_drive_that_is_a_little_off_does(
     other = str(shutil.copytree(store, tmp_path / "few.zarr"))
     few = certify(other, n_switches=401, top=1).drive_off
     assert {row.response.closed.size for row in few} == {150}
+    told = drive_off_lines(few, 401)
+    assert told[0] == "the best where its volts are off, on the first 150 of the 401 new switches:"
+    assert any(line.startswith("  Compare these rows with each other: on all 401 switches") for line in told)
     np.testing.assert_array_equal(few[4].response.closed, rows[4].response.closed[:150])
 
 

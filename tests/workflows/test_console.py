@@ -16,7 +16,7 @@ from softclose_workflows import terminal
 from softclose_workflows.tell import console as consoles
 from softclose_workflows.tell import labels
 from softclose_workflows.tell.console import wide_console
-from softclose_workflows.tell.tables import ends, points, with_interval
+from softclose_workflows.tell.tables import difference_with_interval, points, share, with_interval
 
 
 def table() -> Table:
@@ -73,9 +73,10 @@ def test_other_things_are_printed_as_they_are(monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_negative_number_has_a_minus_sign_everywhere_and_a_rounded_zero_has_none() -> None:
     assert with_interval(-8.954, -9.1, -8.7) == "−8.95 (−9.10 to −8.70)"
-    assert with_interval(0.0001, -0.0001, 0.0004) == "0.00 (0.00–0.00)"
+    assert with_interval(0.0001, -0.0001, 0.0004) == "0.0001 (−0.0001 to 0.0004)"
+    assert with_interval(-0.001, -0.001, 3.0) == "0.00 (0.00–3.00)"
     assert points(-0.0069, -0.0083, -0.0054) == "−0.69 (−0.83 to −0.54)"
-    assert ends(-0.001, math.inf, 2, "+") == "+0.00 to +∞"
+    assert difference_with_interval(0.5, -0.001, math.inf) == "+0.50 (+0.00 to +∞)"
     assert labels.signed(-0.001, 2) == "+0.00"
     assert labels.number(-0.001, 2) == "0.00"
 
@@ -93,6 +94,28 @@ def test_a_sentence_is_folded_between_words_at_a_terminal_and_whole_in_a_log(
     assert " ".join(line.strip() for line in lines) == said.strip()
     assert all(line.startswith("  ") for line in lines)
     assert [line for line in lines if len(line) > 40] == ["  runs/a-long-path-that-nothing-cuts.zarr"]
+
+
+def test_a_log_gets_a_sentence_and_a_cell_on_one_line_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.StringIO()
+    monkeypatch.setattr("sys.stdout", out)
+    sentence, cell, caption = (" ".join([word] * 60) for word in ("sentence", "cell", "caption"))
+    wide_console().print(sentence)
+    long = Table(title="title", caption=caption)
+    long.add_column("design")
+    long.add_row(cell)
+    wide_console().print(long)
+    lines = out.getvalue().splitlines()
+    assert lines[0] == sentence
+    assert any(cell in line for line in lines)
+    assert lines[1] == "title"
+    assert lines[-1] == caption
+
+
+def test_a_figure_and_its_interval_have_the_same_digits() -> None:
+    assert with_interval(21.29, 21.27, 21.32, 1) == "21.29 (21.27–21.32)"
+    assert share(0.0, 0.0, 0.000038) == "0.000 % (0.000–0.004)"
+    assert share(0.0348, 0.0337, 0.036) == "3.48 % (3.37–3.60)"
 
 
 def test_what_nothing_bounds_is_infinite_in_one_way() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -69,8 +70,8 @@ def test_margins_are_those_of_the_certificates_own_switches(near: str) -> None:
 
 def test_it_is_said_by_certificate_report_json_and_python(near: str) -> None:
     (best, *_), _ = holds(near)
-    words = f"the least is {best.least_V:.2f} V (76.00 V held)"
-    warning = f"holds one switch with only {best.least_V:.2f} V to spare of 76.00 V"
+    words = f"the worst has {best.least_V:.2f} V to spare (76.00 V are held)"
+    warning = f"leaves the worst of {N} switches only {best.least_V:.2f} V to spare of the 76.00 V held"
     said = CliRunner().invoke(main, ["certify", near, "--switches", str(N), "--top", "1"], catch_exceptions=False)
     for told in (" ".join(said.output.split()), " ".join(repr(api.certify(near, n_switches=N, top=1)).split())):
         assert words in told
@@ -83,12 +84,49 @@ def test_it_is_said_by_certificate_report_json_and_python(near: str) -> None:
     assert warning in page
 
 
-def test_a_switch_that_is_not_held_at_all_is_said_to_need_more() -> None:
-    value = Value(estimate=7.3, interval=(7.2, 7.4), n=100_000)
-    weak = Hold(name="candidate 56", margin_V=value, least_V=-10.99, held_V=74.76)
-    warning = hold_lines([weak], 0.9)[1]
-    assert "holds with 74.76 V, and one switch needs 10.99 V more to stay closed" in warning
+def weak(estimate: float, least: float, n_short: int) -> Hold:
+    value = Value(estimate=estimate, interval=(estimate - 0.1, estimate + 0.1), n=100_000)
+    return Hold(name="candidate 56", margin_V=value, least_V=least, held_V=74.76, n=100_000, n_short=n_short)
+
+
+def test_how_many_switches_are_not_held_is_said_and_how_much_the_worst_needs() -> None:
+    line, warning = hold_lines([weak(7.3, -10.99, 959)], 0.9)
+    assert "and 959 of 100,000 switches need more to stay closed, the worst 10.99 V more" in warning
     assert "to spare" not in warning
+    assert "the worst needs 10.99 V more (74.76 V are held)" in line
+    assert "1 of 100,000 switches needs more" in hold_lines([weak(7.3, -0.5, 1)], 0.9)[1]
+
+
+def test_no_switch_is_held_a_negative_number_of_volts_above_anything() -> None:
+    best, reference = weak(-3.2, -10.99, 20_000), weak(-1.5, -4.0, 15_000)
+    for line in hold_lines([best, reference], 0.9):
+        assert "−" not in line
+        assert " -" not in line
+    assert "10 % of the switches are held 3.20 (3.10–3.30) V or more below the voltage" in hold_lines([best], 0.9)[0]
+    assert "10 % lack 1.50 V or more, the worst needs 4.00 V more" in hold_lines([best, reference], 0.9)[0]
+
+
+def test_switches_that_are_not_held_are_counted(tmp_path: Path) -> None:
+    found, certification = holds(campaign_of(tmp_path / "low.zarr", 66.0))
+    config = CampaignConfig.from_dict(open_campaign(str(tmp_path / "low.zarr")).config)
+    needed = holding_voltage(fresh_switches(config, N, seed=certification.seed).switches, config.model.plate_area_um2)
+    assert (found[0].n, found[0].n_short) == (N, int((needed > 66.0).sum()))
+    assert 0 < found[0].n_short < N
+
+
+def test_run_compare_and_python_warn_of_hold_as_certify_does(near: str, tmp_path: Path) -> None:
+    (best, *_), _ = holds(near)
+    again = str(shutil.copytree(near, tmp_path / "again.zarr"))
+    warning = f"leaves the worst of {N} switches only {best.least_V:.2f} V to spare of the 76.00 V held"
+    said = CliRunner().invoke(main, ["compare", near, again, "-o", str(tmp_path / "c.html")], catch_exceptions=False)
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    told = CliRunner().invoke(main, ["compare", near, again, "--json"], catch_exceptions=False)
+    assert said.output.count(warning) == page.count(warning) == told.output.count(warning) == 2
+    assert " ".join(repr(api.compare([near, again])).split()).count(warning) == 2
+    fresh = CliRunner().invoke(main, ["compare", near, again, "--fresh", "300"], catch_exceptions=False)
+    assert fresh.output.count("leaves the worst of 300 switches only") == 2
+    resumed = CliRunner().invoke(main, ["resume", near, "--serial", "--quiet"], catch_exceptions=False)
+    assert "leaves the worst of 60 switches only" in resumed.output
 
 
 def test_a_lot_that_is_held_well_is_not_warned_about(tmp_path: Path) -> None:

@@ -141,8 +141,8 @@ def test_certified_page_heads_with_the_certified_figures(store: str, tmp_path: P
     assert data.certification is not None
     best = data.certification.best.assessment
     assert "Not certified" not in page
-    assert f"{labels.number(best.v_u_cm_s)} cm/s" in page
-    assert labels.interval(*best.v_u_interval) in page
+    for text in labels.estimated(best.v_u_cm_s, *best.v_u_interval, "cm/s"):
+        assert text in page
     assert "3,000 new simulated switches" in page
 
 
@@ -405,5 +405,5 @@ def test_a_page_is_the_same_whoever_simulates_its_references(store: str, tmp_pat
         target = tmp_path / f"{k}.html"
         done = CliRunner().invoke(main, ["report", store, "-o", str(target), "--quiet", *where])
         assert done.exit_code == 0, done.output
-        pages.append(target.read_text("utf-8"))
+        pages.append(re.sub(r"\d\d:\d\d UTC", "", target.read_text("utf-8")))  # when it was written
     assert pages[0] == pages[1] == pages[2]

@@ -194,9 +194,9 @@ def test_a_limit_on_every_quantity_leaves_none_without(store: str) -> None:
 def test_the_sheet_warns_where_the_waveform_hardly_holds(store: str, tmp_path: Path) -> None:
     well = sign(store, {})
     best = well.holds[0]
-    needs = replace(best, least_V=-8.5, held_V=74.0)
+    needs = replace(best, least_V=-8.5, held_V=74.0, n_short=7)
     weak = replace(well, holds=(needs, *well.holds[1:]))
-    said = "holds with 74.00 V, and one switch needs 8.50 V more to stay closed"
+    said = f"holds with 74.00 V, and 7 of {N} switches need more to stay closed, the worst 8.50 V more"
     assert said in render_sign(weak)
     assert said in sheet_to_json(weak)["hold_warning"]
     assert sheet_to_json(weak)["hold"][0]["least_V"] == -8.5
@@ -236,7 +236,18 @@ def test_the_sheet_says_what_a_drive_that_is_a_little_off_does(store: str) -> No
     for row, kept in zip(told, sheet.certification.drive_off, strict=True):
         assert row["v_u_cm_s"] == kept.assessment.v_u_cm_s
         assert f"{kept.assessment.v_u_cm_s:.2f} cm/s" in text
-    assert f"({N} of the new switches)" in text
+    assert f"on all {N} new switches" in text
+    assert "Volts +1 % is also what happens if the device model’s pull-in voltages are 1 % too high" in text
+
+
+def test_the_sheet_says_how_open_switches_split_and_what_an_interval_is_not(store: str) -> None:
+    sheet = sign(store, {})
+    kinds = sheet_to_json(sheet)["open"]
+    assert kinds["n_open"] == sheet.best.assessment.n - sheet.best.assessment.n_closed
+    assert kinds["never_touch"] + kinds["not_held"] + kinds["not_integrated"] == kinds["n_open"] > 0
+    text = render_sign(sheet)
+    assert f"{kinds['n_open']} of {N} switches stay open: " in text
+    assert "no error of the device model, and no lot that is distributed otherwise than assumed" in text
 
 
 def test_an_older_certificate_is_signed_without_what_it_does_not_tell(

@@ -104,6 +104,15 @@ def told(config: CampaignConfig, response: Response, a: Assessment, *, fresh: bo
     return {q.name: value_of(q, np.asarray(columns)[:, k], a, sampling) for k, q in enumerate(wanted)}
 
 
+def limited(config: CampaignConfig, response: Response, a: Assessment, *, fresh: bool = False) -> dict[str, Value]:
+    """The value of every quantity that a campaign limits, by name, with its interval at the assessment's confidence."""
+    terms = [term for term in _terms(config) if term.penalty]
+    if not terms:
+        return {}
+    known = {**told(config, response, a, fresh=fresh), **_of_the_lot(terms, a)}
+    return {term.name: known[term.name] for term in terms}
+
+
 def value_of(q: Quantity, column: FloatArray, a: Assessment, sampling: str) -> Value:
     """The value of a quantity of switches or drives.
 

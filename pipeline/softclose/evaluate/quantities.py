@@ -159,6 +159,11 @@ class Quantity:
         """Whether it is a share of the lot, which people read in per cent; how many impacts a switch has is none."""
         return self.unit == "1" and self.per == "lot"
 
+    @property
+    def bound(self) -> Literal["at most", "at least"]:
+        """Which side of a limit is good."""
+        return "at most" if self.better == "low" else "at least"
+
     def of(self, closing: Closing) -> Value:
         """Its value, with a distribution-free interval of order statistics where it is of every switch."""
         found, a = np.asarray(self.values(closing), dtype=np.float64), closing.judged

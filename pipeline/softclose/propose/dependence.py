@@ -54,7 +54,7 @@ class Dependence:
     incumbent: FloatArray
     """(d,) best recorded point, in physical units."""
     grid: FloatArray
-    """(d, n_grid) values of each parameter, in its physical unit."""
+    """(d, n_grid) values of each parameter, in its physical unit: where the better half of the candidates is."""
     mean_cm_s: FloatArray
     """(d, n_grid) partial dependence: expected g averaged over the recorded points [cm/s]."""
     slice_cm_s: FloatArray
@@ -112,35 +112,39 @@ def surrogate_dependence(
         fitted = np.asarray(model.kernel_.get_params()["k1__k2__length_scale"], dtype=np.float64)
         scales = np.broadcast_to(fitted, (problem.space.dim,)).copy()
         d, point = problem.space.dim, data.points[best]
-        unit = np.linspace(FAR, 1.0 - FAR, n_grid)  # a tail would stretch the picture to what nobody tried
+        low, high = _useful(data.points[data.g <= np.median(data.g)])
+        unit = np.linspace(low, high, n_grid).T
         average = data.points[np.unique(np.linspace(0, len(data.points) - 1, n_average).astype(int))]
         mean, line, sd = (np.empty((d, n_grid)) for _ in range(3))
         for j in range(d):
-            mean[j] = _averaged(expected, average, (j,), unit[:, None])
+            mean[j] = _averaged(expected, average, (j,), unit[j][:, None])
             on_line = np.repeat(point[None], n_grid, axis=0)
-            on_line[:, j] = unit
+            on_line[:, j] = unit[j]
             _, std = model.predict(on_line, return_std=True)
             line[j], sd[j] = expected(on_line), np.asarray(std) / per_cm_s
-        coarse = np.linspace(FAR, 1.0 - FAR, n_pair_grid)
-        first, second = np.meshgrid(coarse, coarse)
-        both = np.column_stack([first.ravel(), second.ravel()])
+        coarse = np.linspace(low, high, n_pair_grid).T
         pairs = tuple(sorted(combinations(range(d), 2), key=lambda p: float(scales[p[0]] * scales[p[1]])))[:max_pairs]
         left_out = _left_out(model.L_, model.y_train_, per_cm_s, float(np.median(y)))
-        maps = [
-            np.where(_near(data.points[:, pair], both), _averaged(expected, point[None], pair, both), np.nan)
-            for pair in pairs
-        ]
+
+        def mapped(pair: tuple[int, int]) -> FloatArray:
+            first, second = np.meshgrid(*coarse[list(pair)])
+            both = np.column_stack([first.ravel(), second.ravel()])
+            reach = high[list(pair)] - low[list(pair)]
+            near = _near(data.points[:, pair] / reach, both / reach)
+            return np.where(near, _averaged(expected, point[None], pair, both), np.nan)
+
+        maps = [mapped(pair) for pair in pairs]
     axes = problem.space.coordinates
     return Dependence(
         names=problem.space.names,
         length_scales=scales,
         incumbent=np.array([float(c.value(point[i : i + 1])[0]) for i, c in enumerate(axes)]),
-        grid=np.array([c.value(unit) for c in axes]),
+        grid=np.array([c.value(unit[i]) for i, c in enumerate(axes)]),
         mean_cm_s=mean,
         slice_cm_s=line,
         slice_sd_cm_s=sd,
         pairs=pairs,
-        pair_grid=np.array([c.value(coarse) for c in axes]),
+        pair_grid=np.array([c.value(coarse[i]) for i, c in enumerate(axes)]),
         tried=np.array([c.value(data.points[:, i]) for i, c in enumerate(axes)]).T,
         left_out=left_out,
         pair_cm_s=np.array(maps).reshape(len(pairs), n_pair_grid, n_pair_grid),
@@ -160,8 +164,26 @@ def _left_out(factor: FloatArray, y: FloatArray, per_cm_s: float, most: float) -
     return LeftOut(error_cm_s=error[kept] / per_cm_s, sd_cm_s=np.sqrt(variance[kept]) / per_cm_s)
 
 
+BESIDE = 0.25
+"""Part of the spread of the better half of the candidates by which curves and maps go on beside it."""
+LEAST_SPAN = 0.04
+"""Least span of a curve or map, in units of the search range."""
+
+
+def _useful(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(d,) where curves and maps begin and end: where the better candidates (n, d) are, and a little beside them.
+
+    Over the whole search range the region that matters would be a dot; in a tail nobody tried anything.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    pad = np.maximum(BESIDE * (high - low), 0.5 * LEAST_SPAN)
+    low, high = np.maximum(low - pad, FAR), np.minimum(high + pad, 1.0 - FAR)
+    # A candidate in a tail keeps its place on the curve.
+    return np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+
+
 NEAR = 0.15
-"""How far from the nearest candidate, in units of the range of both parameters, a map still says something."""
+"""How far from the nearest candidate, in units of the span of both parameters, a map still says something."""
 
 
 def _near(points: FloatArray, grid: FloatArray) -> NDArray[np.bool_]:

@@ -6,16 +6,26 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from softclose.digits import digits_of, least_digits
 from softclose.evaluate.quantities import Value, quantity
 from softclose.metrics.intervals import Interval, Proportion
+from softclose.metrics.open_kinds import open_kinds
 from softclose_workflows.analyses.drive_off import drive_off_to_json
 from softclose_workflows.analyses.hold import Hold, hold_lines
 from softclose_workflows.analyses.opening import openings_to_json, print_openings
+from softclose_workflows.analyses.own_limits import OwnLimit, limit_lines
 from softclose_workflows.analyses.references import beaten_lines, missing_lines
 from softclose_workflows.tell.console import wide_console
-from softclose_workflows.tell.labels import in_percent, signed
+from softclose_workflows.tell.labels import in_percent, interval, number
 from softclose_workflows.tell.plain import finite, waveform_rows
-from softclose_workflows.tell.tables import beside, ends, interval_kinds, print_designs, with_interval
+from softclose_workflows.tell.tables import (
+    beside,
+    difference_with_interval,
+    interval_kinds,
+    points,
+    print_designs,
+    with_interval,
+)
 
 if TYPE_CHECKING:
     from softclose.metrics.paired import Comparison
@@ -23,8 +33,11 @@ if TYPE_CHECKING:
     from softclose_workflows.analyses.certify import Certification, Certified
 
 
-def print_certification(result: Certification, holds: Sequence[Hold] = ()) -> None:
-    """Candidates by certified g, the reference designs, the best one against each of them, and how they hold."""
+def print_certification(result: Certification, holds: Sequence[Hold] = (), limits: Sequence[OwnLimit] = ()) -> None:
+    """Candidates by certified g, the reference designs, the best one against each of them, and how they hold.
+
+    limits: those of the campaign itself.
+    """
     from softclose_workflows.run import records
 
     print_designs(
@@ -40,11 +53,15 @@ def print_certification(result: Certification, holds: Sequence[Hold] = ()) -> No
     p = best.assessment.p_nc_intervals
     console.print(f"best: {best.name}")
     console.print(f"  left open: {_proportion(p)}{beside(best.assessment.n_failed, best.assessment.n)}")
+    console.print(f"  {open_kinds(best.response, best.assessment.closed_by_us).sentence}")
+    for line in limit_lines(limits):
+        console.print(f"  {line}")
     if best.assessment.limit is not None:
         console.print(f"  {best.assessment.limit.sentence}")
     for exceedance in best.assessment.p_exceed:
-        console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s): {_proportion(exceedance.probability)}")
-        excess = with_interval(exceedance.excess_cm_s, *exceedance.excess_interval, 4)
+        touch = "of the switches that touch"
+        console.print(f"  P(V > {exceedance.limit_cm_s:g} cm/s) {touch}: {_proportion(exceedance.probability)}")
+        excess = with_interval(exceedance.excess_cm_s, *exceedance.excess_interval)
         console.print(f"  expected excess over {exceedance.limit_cm_s:g} cm/s: {excess} cm/s")
     a = best.assessment
     fastest = f"{100.0 * (1.0 - a.level):g} %"
@@ -74,7 +91,8 @@ def print_certification(result: Certification, holds: Sequence[Hold] = ()) -> No
 def quantity_line(name: str, value: Value) -> str:
     """`kinetic energy of the hardest impact: 0.123 (0.120–0.126) nJ`."""
     q = quantity(name)
-    return f"{q.long_name}: {with_interval(value.estimate, *value.interval, 4)} {q.unit.removeprefix('1')}".rstrip()
+    found = with_interval(value.estimate, *value.interval, least_digits(q.unit))
+    return f"{q.long_name}: {found} {q.unit.removeprefix('1')}".rstrip()
 
 
 def print_race(race: Race) -> None:
@@ -104,30 +122,38 @@ def _label(result: Certification, design: Certified) -> str:
 
 
 def comparison_line(c: Comparison) -> str:
-    """`v_u −21.40 (−21.90 to −20.80) cm/s, softer on 97.1 % of the switches, left open +1.23 (…) points`."""
+    """`v_u −21.40 (−21.90 to −20.80) cm/s, softer on 97.1 % of the 9,812 switches that touch under both, …`.
+
+    The mean V is of pairs: it is not the difference of two means, each of those that touch under one drive.
+    """
     speed = (
         "no difference of v_u, since too few switches touch under one of them"
         if math.isnan(c.v_u_cm_s)
-        else f"v_u {signed(c.v_u_cm_s, 2)} ({ends(*c.v_u_interval, sign='+')}) cm/s"
+        else f"v_u {difference_with_interval(c.v_u_cm_s, *c.v_u_interval)} cm/s"
     )
     softer = (
-        f"softer on {in_percent(c.softer.estimate, 1)} of the switches"
+        f"softer on {in_percent(c.softer.estimate, 1)} of the {c.softer.n:,} switches that touch under both, mean V of "
+        f"these {difference_with_interval(c.mean_cm_s, *c.mean_interval)} cm/s"
         if c.softer.n
         else "no switch touches under both"
     )
-    low, high = (100.0 * end for end in c.p_nc_interval)
-    return f"{speed}, {softer}, left open {signed(100.0 * c.p_nc, 2)} ({ends(low, high, 2, '+')}) points"
+    return f"{speed}, {softer}, left open {points(c.p_nc, *c.p_nc_interval)} points"
 
 
 def _proportion(p: Proportion) -> str:
-    def of(interval: Interval) -> str:
-        return ends(100.0 * interval[0], 100.0 * interval[1], 2)
+    value = 100.0 * p.estimate
+    digits = max(digits_of(value, 100.0 * low, 100.0 * high) for low, high in (p.wilson, p.clopper_pearson))
+
+    def of(ends: Interval) -> str:
+        return interval(100.0 * ends[0], 100.0 * ends[1], digits)
 
     wald, wilson, clopper = of(p.wald), of(p.wilson), of(p.clopper_pearson)
-    return f"{in_percent(p.estimate, 2)} (Eq. 11: {wald}; Wilson {wilson}; Clopper-Pearson {clopper})"
+    return f"{number(value, digits)} % (Eq. 11: {wald}; Wilson {wilson}; Clopper-Pearson {clopper})"
 
 
-def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> dict[str, Any]:
+def certification_to_json(
+    result: Certification, holds: Sequence[Hold] = (), limits: Sequence[OwnLimit] = ()
+) -> dict[str, Any]:
     """One object; undefined numbers are null."""
 
     def design(d: Certified) -> dict[str, Any]:
@@ -144,6 +170,7 @@ def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> 
                 "n_switches": d.training.n_switches,
             },
             "optimism_cm_s": d.optimism_cm_s,
+            "open": open_kinds(d.response, d.assessment.closed_by_us).to_dict(),
             "quantities": _quantities(d.values),
             "contacts": _quantities(d.contacts),
             **d.assessment.to_dict(),
@@ -157,6 +184,7 @@ def certification_to_json(result: Certification, holds: Sequence[Hold] = ()) -> 
             "incumbent": result.incumbent,
             "warning": result.best.assessment.open_warning,
             "hold": [hold.to_dict() for hold in holds],
+            "limits": [found.to_dict() for found in limits],
             "drive_off": drive_off_to_json(result.drive_off),
             "candidates": [design(d) for d in result.candidates],
             "references": [design(d) for d in result.references],

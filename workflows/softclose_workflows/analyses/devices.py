@@ -13,9 +13,9 @@ from softclose.uncertainty.devices import propagate as propagate_devices
 from softclose_workflows.analyses.chosen import Chosen, choose
 from softclose_workflows.run.needs import check_fresh
 from softclose_workflows.tell.console import OnStep
-from softclose_workflows.tell.labels import in_percent
+from softclose_workflows.tell.labels import estimated, in_percent
 from softclose_workflows.tell.plain import finite
-from softclose_workflows.tell.tables import ends, with_interval
+from softclose_workflows.tell.tables import with_interval
 
 FEW = 30
 """Devices below which the intervals are said to be what they are (docs/measurements/coverage.md)."""
@@ -82,10 +82,8 @@ def said(chosen: Chosen, found: Propagated) -> list[str]:
     ]
     for label, name, value, by_switches, factor in rows:
         (low, high), (first, last) = found.interval(name), by_switches
-        lines.append(
-            f"  {label:11} {with_interval(factor * value, factor * first, factor * last)}   "
-            f"{ends(factor * low, factor * high)}"
-        )
+        _, by_devices = estimated(factor * value, factor * low, factor * high)
+        lines.append(f"  {label:11} {with_interval(factor * value, factor * first, factor * last)}   {by_devices}")
     if found.n_devices < FEW:
         lines.append(
             f"{found.n_devices} devices are few: of 80 sets of 12 without known bounds the interval of v_u held for "

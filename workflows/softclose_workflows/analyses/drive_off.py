@@ -1,6 +1,6 @@
-"""Owns what a certificate says of a drive, or a model, that is a little off: the best candidate at ±1 and ±3 %.
+"""Owns what a certificate says of a drive that is a little off: the best candidate at ±1 and ±3 % of its volts.
 
-A model that has the pull-in voltage 1 % too high is a drive that is 1 % too strong.
+A model whose pull-in voltages are 1 % too high is answered with it: to such switches the drive is 1 % too strong.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ GAINS = (-0.03, -0.01, 0.0, 0.01, 0.03)
 """Relative errors of the drive's volts."""
 MOST = 4_000
 """New switches at most: the question is by how much the figures move, not what they are."""
+ALIKE = "Volts +1 % is also what happens if the device model’s pull-in voltages are 1 % too high"
+"""What such a row says of an error of the model."""
 QUICK_S = 5.0
 """What is computed in this process, about [s]: no cluster is started for it."""
 
@@ -42,8 +44,8 @@ class DriveOff:
 
     @property
     def name(self) -> str:
-        """`volts +1 %`; `as it is`."""
-        return f"volts {signed(100.0 * self.gain, 0)} %" if self.gain else "as it is"
+        """`volts +1 %`; `volts as designed`."""
+        return f"volts {signed(100.0 * self.gain, 0)} %" if self.gain else "volts as designed"
 
 
 def off_by_drive(
@@ -83,20 +85,35 @@ def drive_off_to_json(rows: Sequence[DriveOff]) -> list[dict[str, Any]]:
     ]
 
 
-def drive_off_lines(rows: Sequence[DriveOff]) -> list[str]:
-    """A heading and one line a row, for people; [] without any."""
+def drive_off_lines(rows: Sequence[DriveOff], n_switches: int) -> list[str]:
+    """A heading and one line a row, for people; [] without any. n_switches: those of the whole certificate."""
     if not rows:
         return []
-    lines = [f"the best, where drive or model is off ({rows[0].assessment.n:,} of the new switches):"]
+    n = rows[0].assessment.n
+    lines = [f"the best where its volts are off, {on_switches(n, n_switches)}:"]
     for row in rows:
         a = row.assessment
         speed = with_interval(a.v_u_cm_s, *a.v_u_interval)
-        lines.append(f"  {row.name:>11}: v_u {speed} cm/s, left open {share(a.p_nc, *a.p_nc_intervals.wilson)}")
-    return lines
+        lines.append(f"  {row.name:>17}: v_u {speed} cm/s, left open {share(a.p_nc, *a.p_nc_intervals.wilson)}")
+    return [*lines, *(f"  {line}" for line in (*few_lines(n, n_switches), ALIKE))]
 
 
-def print_drive_off(rows: Sequence[DriveOff]) -> None:
+def on_switches(n: int, n_switches: int) -> str:
+    """`on the first 4,000 of the 100,000 new switches`."""
+    return f"on all {n:,} new switches" if n >= n_switches else f"on the first {n:,} of the {n_switches:,} new switches"
+
+
+def few_lines(n: int, n_switches: int) -> list[str]:
+    """That figures of some of the new switches are not those of all; [] where they are."""
+    if n >= n_switches:
+        return []
+    return [
+        f"Compare these rows with each other: on all {n_switches:,} switches the figures as designed differ a little"
+    ]
+
+
+def print_drive_off(rows: Sequence[DriveOff], n_switches: int) -> None:
     """The same, printed."""
     console = wide_console()
-    for line in drive_off_lines(rows):
+    for line in drive_off_lines(rows, n_switches):
         console.print(line)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.arrays import FloatArray
+from softclose.digits import least_digits
 from softclose.evaluate.asked import OF_THE_FRONT, asked
 from softclose.evaluate.quantities import quantity
 from softclose.metrics.pareto import hypervolume, pareto_front
@@ -108,7 +109,8 @@ def print_front(path: str, objectives: Sequence[str]) -> None:
         shown.add_column(column, justify="right", no_wrap=True)
     for i in front.candidates:
         record = {name: column[i] for name, column in records.items()}
-        closing = with_interval(record["closing_us"], record["closing_lower_us"], record["closing_upper_us"], 1)
+        ends = record["closing_lower_us"], record["closing_upper_us"]
+        closing = with_interval(record["closing_us"], *ends, least_digits("µs"))
         rows = waveform_rows(campaign.waveform(i))
         shown.add_row(
             str(i),
@@ -116,7 +118,12 @@ def print_front(path: str, objectives: Sequence[str]) -> None:
             *metrics_row(record),
             closing,
             f"{_peak(campaign, i):.1f}",
-            *(with_interval(record[name], record[f"{name}_lower"], record[f"{name}_upper"], 3) for name in further),
+            *(
+                with_interval(
+                    record[name], record[f"{name}_lower"], record[f"{name}_upper"], least_digits(quantity(name).unit)
+                )
+                for name in further
+            ),
         )
     console = wide_console()
     console.print(shown)

@@ -1,4 +1,4 @@
-"""Owns what a certificate says of hold: how far above its release voltage each switch of the new ones is held.
+"""Owns what is said of hold: how far above its release voltage each switch is held, and how many are not.
 
 A low hold voltage is a soft one. What a search wins by it is lost where a device ages, or a supply sags.
 """
@@ -14,8 +14,11 @@ import numpy as np
 from softclose.device.simulate import Responses
 from softclose.evaluate.chain import chain_of, drives_of
 from softclose.evaluate.quantities import Closing, Value, held_voltages, quantity
+from softclose.metrics.objective import Response
 from softclose.plugins import MEASURED
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
+from softclose.waveform import Waveform
 from softclose_workflows.analyses.certification import Certification
 from softclose_workflows.analyses.certify import fresh_switches
 from softclose_workflows.tell.labels import number
@@ -28,7 +31,7 @@ SMALL = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hold:
-    """How one design holds the switches of a certificate."""
+    """How one design holds the switches that it is judged on."""
 
     name: str
     """Of the design."""
@@ -38,10 +41,28 @@ class Hold:
     """The least of all of them [V]; below 0 it does not hold."""
     held_V: float
     """Mean voltage at the end of the simulation [V]."""
+    n: int
+    """Switches whose release voltage is known."""
+    n_short: int
+    """Those that need more than they are held with."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
         return asdict(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Held:
+    """A design whose hold is asked for."""
+
+    name: str
+    """What it is called."""
+    waveform: Waveform
+    """What was applied."""
+    response: Response
+    """What the switches did."""
+    for_everybody: bool = False
+    """Whether the drive was tailored to no switch, as a reference design."""
 
 
 def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold, ...]:
@@ -57,16 +78,48 @@ def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold
     Returns
     -------
     tuple of Hold
-        The best first. () where the devices themselves are measured, or the model is somebody else's, whose release
+        As `holds_on`, the best first.
+    """
+    lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
+    designs = (certification.best, *certification.references)
+    return holds_on(
+        config,
+        lot,
+        [
+            Held(name=d.name, waveform=d.waveform, response=d.response, for_everybody=d.candidate is None)
+            for d in designs
+        ],
+    )
+
+
+def holds_on(
+    config: CampaignConfig, lot: Lot, designs: Sequence[Held], *, has_interval: bool = True
+) -> tuple[Hold, ...]:
+    """How designs hold a lot.
+
+    Parameters
+    ----------
+    config : CampaignConfig
+        Whose objective and conditions apply.
+    lot : Lot
+        The switches.
+    designs : sequence of Held
+        What was applied to them.
+    has_interval : bool
+        Whether they are independent random draws, so that intervals hold.
+
+    Returns
+    -------
+    tuple of Hold
+        In that order. () where the devices themselves are measured, or the model is somebody else's, whose release
         voltages are not known.
     """
     if config.model.name == MEASURED:
         return ()
-    lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
     o, chain, margin = config.objective, chain_of(config), quantity(MARGIN)
     found = []
-    for design in (certification.best, *certification.references):
-        drives = drives_of(chain, lot, design.waveform, for_everybody=design.candidate is None)
+    for design in designs:
+        drives = drives_of(chain, lot, design.waveform, for_everybody=design.for_everybody)
         closing = Closing(
             chain=chain,
             lot=lot,
@@ -80,9 +133,11 @@ def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold
         found.append(
             Hold(
                 name=design.name,
-                margin_V=margin.of_column(values, level=o.level, confidence=o.confidence, has_interval=True),
+                margin_V=margin.of_column(values, level=o.level, confidence=o.confidence, has_interval=has_interval),
                 least_V=float(np.nanmin(values)),
                 held_V=float(closing.held_V.mean()),
+                n=int((~np.isnan(values)).sum()),
+                n_short=int((values < 0.0).sum()),
             )
         )
     return tuple(found)
@@ -93,21 +148,52 @@ def hold_line(holds: Sequence[Hold], level: float) -> str | None:
     if not holds:
         return None
     best, *others = holds
-    margin = with_interval(best.margin_V.estimate, *best.margin_V.interval)
-    said = f"hold margin: {100.0 * level:g} % of the switches are held {margin} V or more above the voltage at which "
-    said += f"they let go, the least is {number(best.least_V, 2)} V ({best.held_V:.2f} V held)"
-    beside = [f"{h.name} {number(h.margin_V.estimate, 2)} V, the least {number(h.least_V, 2)} V" for h in others]
+    said = f"hold margin: {_most(best, level)}; the worst {_worst(best)} ({best.held_V:.2f} V are held)"
+    beside = [f"{h.name}: {_margin(h, level)}, the worst {_worst(h)}" for h in others]
     return "; ".join([said, *beside])
 
 
+def _most(hold: Hold, level: float) -> str:
+    """`90 % of the switches are held 7.34 (7.26–7.42) V or more above the voltage at which they let go`."""
+    value, (low, high) = hold.margin_V.estimate, hold.margin_V.interval
+    if value < 0.0:  # then it is those at the other end who are known to lack so much
+        lacking = with_interval(-value, -high, -low)
+        return f"{_few(level)} of the switches are held {lacking} V or more below the voltage at which they let go"
+    return (
+        f"{100.0 * level:g} % of the switches are held {with_interval(value, low, high)} V or more above the voltage "
+        "at which they let go"
+    )
+
+
+def _margin(hold: Hold, level: float) -> str:
+    value = hold.margin_V.estimate
+    if value < 0.0:
+        return f"{_few(level)} lack {number(-value, 2)} V or more"
+    return f"{100.0 * level:g} % have {number(value, 2)} V or more to spare"
+
+
+def _few(level: float) -> str:
+    return f"{100.0 * (1.0 - level):g} %"
+
+
+def _worst(hold: Hold) -> str:
+    if hold.least_V < 0.0:
+        return f"needs {number(-hold.least_V, 2)} V more"
+    return f"has {number(hold.least_V, 2)} V to spare"
+
+
 def hold_warning(holds: Sequence[Hold]) -> str | None:
-    """That the best design leaves little, or nothing, of its hold voltage to one switch; None where it does not."""
+    """That the best design holds some switches with little, or not at all; None where it holds all of them well."""
     if not holds or holds[0].least_V >= SMALL * holds[0].held_V:
         return None
     best = holds[0]
-    what = f"holds one switch with only {best.least_V:.2f} V to spare of {best.held_V:.2f} V"
-    if best.least_V < 0.0:
-        what = f"holds with {best.held_V:.2f} V, and one switch needs {-best.least_V:.2f} V more to stay closed"
+    what = f"leaves the worst of {best.n:,} switches only {best.least_V:.2f} V to spare of the {best.held_V:.2f} V held"
+    if best.n_short:
+        needs = "needs" if best.n_short == 1 else "need"
+        what = (
+            f"holds with {best.held_V:.2f} V, and {best.n_short:,} of {best.n:,} switches {needs} more to stay closed, "
+            f"the worst {-best.least_V:.2f} V more"
+        )
     return (
         f"WARNING: {best.name} {what}: "
         "part of its softness may be bought with hold, which creep, charge and a sagging supply take away"

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from softclose.digits import least_digits
 from softclose.evaluate.pieces import Mapper, here
 from softclose.opening import BAND, Opening, Openings, design_brake, judge_opening, opened
 from softclose_workflows.analyses.certify import fresh_switches
@@ -82,7 +83,7 @@ def opening_words(found: Openings) -> str:
 def _time(value: float, lower: float, upper: float, watched_us: float) -> str:
     if math.isinf(value):
         return f"not within the {watched_us:g} µs simulated (--watch, opening.watch_us)"
-    return f"{value:.1f} ({lower:.1f}–{upper:.1f})"
+    return with_interval(value, lower, upper, least_digits("µs"))
 
 
 def print_openings(title: str, found: Openings, level: float) -> None:
@@ -104,7 +105,7 @@ def print_openings(title: str, found: Openings, level: float) -> None:
         brake = describe_waveform(waveform_rows(o.released.waveform.rows())[-1:])
         table.add_row(
             name if o is found.plain else f"{name}: {brake}",
-            with_interval(o.overshoot, *o.overshoot_interval, 3),
+            with_interval(o.overshoot, *o.overshoot_interval, least=3),
             share(o.p_rebound.estimate, *o.p_rebound.wilson),
             share(o.p_stuck.estimate, *o.p_stuck.wilson),
             _time(o.rest_us, *o.rest_interval, float(o.released.times_us[-1])),

@@ -19,6 +19,11 @@ from softclose_workflows.tell.labels import in_percent
 
 UNSHAPED = "unshaped"
 DETERMINISTIC = "deterministic"
+REFERENCES = {
+    UNSHAPED: "the drive voltage is switched on at once and held",
+    DETERMINISTIC: "it closes the mean switch without impact and takes no account of the spread of the lot",
+}
+"""What each reference design is, in words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from softclose.evaluate import judge
 from softclose.evaluate.touching import contacts
+from softclose.metrics.open_kinds import open_kinds
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
+from softclose.waveform import Waveform
 from softclose_store import open_campaign
+from softclose_workflows.analyses.hold import Held, hold_warning, holds_on
 from softclose_workflows.analyses.opening import opening_words
 from softclose_workflows.analyses.references import beaten_lines, missing_lines, simulate_references
 from softclose_workflows.errors import Stopped
@@ -54,7 +57,11 @@ def print_result(path: str) -> None:
         f"{kind}; training scores are optimistic: run `softclose certify`",
     )
     said = [found.limit.sentence] if found.limit is not None else []
-    said = [*filter(None, [found.open_warning]), *said]
+    said = [open_kinds(response, found.closed_by_us).sentence, *said]
+    drive = Waveform.from_rows(best.waveform)
+    held = Held(name=f"candidate {best.candidate}", waveform=drive, response=response)
+    holds = holds_on(config, switches, [held], has_interval=False)
+    said = [*filter(None, [found.open_warning, hold_warning(holds)]), *said]
     beaten = beaten_lines(found, {name: a for name, (_, _, a) in judged.items()})
     for line in [*said, *beaten, *missing_lines(references.missing), *trouble_lines(read_standing(path))]:
         print(line)

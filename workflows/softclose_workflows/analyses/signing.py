@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 from pydantic import BaseModel, ConfigDict
 
@@ -16,6 +16,7 @@ from softclose import __version__
 from softclose.allowed.tables import Number, checked
 from softclose.device.simulate import Responses
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, Value, quantity
+from softclose.metrics.open_kinds import open_kinds
 from softclose.naming import did_you_mean
 from softclose.plugins import QuantityError
 from softclose.settings import CampaignConfig
@@ -26,10 +27,9 @@ from softclose_workflows.analyses.certify import fresh_switches, read_certificat
 from softclose_workflows.analyses.drive_off import drive_off_to_json
 from softclose_workflows.analyses.hold import Hold, hold_warning, holds_of
 from softclose_workflows.analyses.references import UNSHAPED
+from softclose_workflows.analyses.verdict import LineVerdict, verdict_of
 from softclose_workflows.tell.assumptions import assumptions
 from softclose_workflows.tell.plain import finite, waveform_rows
-
-SheetVerdict = Literal["pass", "fail", "not established", "not judged"]
 
 SHOWN = ("v_u", "p_nc", "mean", "contact_time", "closing", "impacts", "hold_margin", "contact_force", "peak", "slope")
 """What a sheet shows, with a limit or without."""
@@ -53,7 +53,7 @@ class Line:
     """On the new switches."""
     limit: float | None
     """Largest admissible value, or the least one of a quantity that is better high; None: not judged."""
-    verdict: SheetVerdict
+    verdict: LineVerdict
     """pass or fail where the whole interval lies on that side of the limit."""
 
 
@@ -84,12 +84,12 @@ class Sheet:
         return self.certification.best
 
     @property
-    def verdict(self) -> SheetVerdict:
+    def verdict(self) -> LineVerdict:
         """fail where any limit fails, pass where all pass; not judged without limits."""
         found = {line.verdict for line in self.lines} - {"not judged"}
         for verdict in ("fail", "not established", "pass"):
             if verdict in found:
-                return cast(SheetVerdict, verdict)
+                return cast(LineVerdict, verdict)
         return "not judged"
 
     @property
@@ -183,18 +183,6 @@ def _line(q: Quantity, closing: Closing, limit: float | None) -> Line:
     return Line(quantity=q, value=value, limit=limit, verdict=verdict_of(q, value, limit))
 
 
-def verdict_of(q: Quantity, value: Value, limit: float | None) -> SheetVerdict:
-    """The interval decides, not the estimate: pass and fail need all of it on one side of the limit."""
-    if limit is None:
-        return "not judged"
-    low, high = value.interval
-    if q.better == "high":
-        low, high, limit = -high, -low, -limit
-    if high <= limit:
-        return "pass"
-    return "fail" if low > limit else "not established"
-
-
 def waveform_digest(waveform: Waveform) -> str:
     """sha256 of the rows of start, rise, flat top and volts as JSON, null where the last pulse holds.
 
@@ -233,6 +221,7 @@ def sheet_to_json(sheet: Sheet) -> dict[str, Any]:
                 }
                 for line in sheet.lines
             ],
+            "open": open_kinds(best.response, best.assessment.closed_by_us).to_dict(),
             "drive_off": drive_off_to_json(c.drive_off),
             "confidence": best.assessment.confidence,
             "level": best.assessment.level,

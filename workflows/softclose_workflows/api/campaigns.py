@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from softclose.metrics.open_kinds import open_kinds
 from softclose.population.calibrate import Calibration, write_calibration
 from softclose.population.calibrate import calibrate as fit_population
 from softclose.population.measurements import MeasurementError, read_measurements
@@ -21,6 +22,7 @@ from softclose_workflows.analyses.certify import certify as certify_store
 from softclose_workflows.analyses.drive_off import drive_off_lines
 from softclose_workflows.analyses.finalists import certify_within
 from softclose_workflows.analyses.hold import hold_lines, holds_of
+from softclose_workflows.analyses.own_limits import limit_lines, own_limits
 from softclose_workflows.api.placing import check_main, crew_of
 from softclose_workflows.api.results import CampaignRun, Result, Store, metrics, warned
 from softclose_workflows.run import extension
@@ -191,15 +193,18 @@ def certify(
         {"design": d.name, **metrics(d.assessment), "optimism of the training score [cm/s]": d.optimism_cm_s}
         for d in (*found.candidates, *found.references)
     ]
-    holds = holds_of(CampaignConfig.from_dict(open_campaign(path).config), found)
+    config, best = CampaignConfig.from_dict(open_campaign(path).config), found.best
+    holds = holds_of(config, found)
     return Result(
         value=found,
         title=f"{path} on {found.n_switches:,} new switches",
         rows=rows,
         notes=(
-            *warned(found.best.assessment),
-            *hold_lines(holds, found.best.assessment.level),
-            *drive_off_lines(found.drive_off),
+            open_kinds(best.response, best.assessment.closed_by_us).sentence,
+            *limit_lines(own_limits(config, best.response, best.assessment, fresh=True)),
+            *warned(best.assessment),
+            *hold_lines(holds, best.assessment.level),
+            *drive_off_lines(found.drive_off, found.n_switches),
         ),
         figure=lambda: CampaignRun(path).plot("densities"),
     )

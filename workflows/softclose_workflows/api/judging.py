@@ -165,7 +165,8 @@ def compare(
     ]
     names = max((list(row) for row in rows), key=len)
     rows = [{name: row.get(name, "") for name in names} for row in rows]
-    notes = tuple(differences_rows(differences(entries)))
+    warnings = [f"{e.label}: {warning}" for e in entries for warning in e.warnings]
+    notes = (*differences_rows(differences(entries)), *warnings)
     return Result(
         value=entries,
         title=f"{len(entries)} campaigns",

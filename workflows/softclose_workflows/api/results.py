@@ -13,10 +13,16 @@ from softclose.metrics.objective import Assessment
 from softclose.waveform import Waveform
 from softclose_store import Campaign, open_campaign
 from softclose_store import path_text as path_text
-from softclose_workflows.tell.labels import points, signed
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing, read_standing
-from softclose_workflows.tell.tables import beside, describe_waveform, n_failed_of, share
+from softclose_workflows.tell.tables import (
+    beside,
+    describe_waveform,
+    difference_with_interval,
+    n_failed_of,
+    points,
+    share,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -171,7 +177,7 @@ def metrics(a: Assessment) -> dict[str, float]:
 def differences_rows(found: Sequence[tuple[str, str, Comparison]]) -> list[str]:
     """A sentence a difference of two campaigns on the same switches."""
     return [
-        f"{label} against {first}: v_u {signed(c.v_u_cm_s, 2)} cm/s, left open {points(c.p_nc)}"
+        f"{label} against {first}: v_u {difference_with_interval(c.v_u_cm_s)} cm/s, left open {points(c.p_nc)} points"
         for label, first, c in found
     ]
 

@@ -171,12 +171,13 @@ def _of_dynamics(
     from softclose.settings import load_config
     from softclose_workflows.analyses.identified import identified_to_json, print_identified
     from softclose_workflows.tell.plain import json_text
-    from softclose_workflows.terminal import working
+    from softclose_workflows.terminal import READING, working
 
     fixed = {name: value for name, value in map(_named_number, given[0])}
     errors = {name: _stated(name, value) for name, value in map(_named_number, given[1])}
     dynamics = read_dynamics(tables, columns=columns).weighed(errors)
-    config = load_config(campaign)
+    with working(READING, quiet=False):
+        config = load_config(campaign)
     begun = model_of(config, rise_us)
     with working(f"fitting, {n_starts} starts", quiet=False):
         found = identify(begun, dynamics, fixed=fixed, confidence=confidence, n_starts=n_starts, seed=seed)

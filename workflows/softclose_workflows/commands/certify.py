@@ -70,6 +70,7 @@ def certify(
     from softclose_workflows.analyses.drive_off import print_drive_off
     from softclose_workflows.analyses.finalists import certify_within
     from softclose_workflows.analyses.hold import holds_of
+    from softclose_workflows.analyses.own_limits import own_limits
     from softclose_workflows.run.crew import open_crew
     from softclose_workflows.run.needs import announced_fresh
     from softclose_workflows.tell.console import bar
@@ -86,12 +87,14 @@ def certify(
             result = run(store, **options, mapper=crew, listener=listener)
         else:
             result, race = certify_within(store, within_cm_s, **options, mapper=crew, listener=listener)
-    holds = holds_of(CampaignConfig.from_dict(open_campaign(store).config), result)
+    config = CampaignConfig.from_dict(open_campaign(store).config)
+    holds = holds_of(config, result)
+    limits = own_limits(config, result.best.response, result.best.assessment, fresh=True)
     if as_json:
         raced = {} if race is None else {"race": race.to_dict()}
-        click.echo(json_text(certification_to_json(result, holds) | raced))
+        click.echo(json_text(certification_to_json(result, holds, limits) | raced))
         return
-    print_certification(result, holds)
-    print_drive_off(result.drive_off)
+    print_certification(result, holds, limits)
+    print_drive_off(result.drive_off, result.n_switches)
     if race is not None:
         print_race(race)

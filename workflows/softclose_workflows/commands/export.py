@@ -143,6 +143,7 @@ def waveform(
     from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.drive_files import drive_file
     from softclose_workflows.exports.formats import DriveSettings
+    from softclose_workflows.tell.outputs import say_written
 
     _check(output)
     form = settings["format"]
@@ -160,9 +161,7 @@ def waveform(
         click.echo(drive.content, nl=False)
     else:
         drive.write(output)
-        if drive.about:
-            say(f"wrote {output}.json", err=True)
-        say(f"wrote {output}", err=True)
+        say_written([output, *([f"{output}.json"] if drive.about else [])], err=True)
     for note in drive.notes:
         click.echo(note, err=True)
 
@@ -274,15 +273,16 @@ def _emit(text: str, output: Path | None) -> None:
     if output is None or _is_standard(output):
         click.echo(text, nl=False)
         return
-    from softclose_workflows.tell.outputs import write_text
+    from softclose_workflows.tell.outputs import say_written, write_text
 
     write_text(output, text)
-    say(f"wrote {output}", err=True)
+    say_written([output], err=True)
 
 
 def _emit_table(dataset: Any, form: str, output: Path | None) -> None:
     from softclose_workflows.errors import ExportError
     from softclose_workflows.exports.tables import csv_text, write_dataset
+    from softclose_workflows.tell.outputs import say_written
 
     if output is None or _is_standard(output):
         if form != "csv" or len(dataset.sizes) > 1:
@@ -290,4 +290,4 @@ def _emit_table(dataset: Any, form: str, output: Path | None) -> None:
         click.echo(csv_text(dataset), nl=False)
         return
     write_dataset(dataset, output, form)
-    say(f"wrote {output}", err=True)
+    say_written([output], err=True)

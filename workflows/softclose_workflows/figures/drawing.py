@@ -167,7 +167,7 @@ def overlay(axes: Axes, designs: list[tuple[Design, str]], top_cm_s: float) -> N
 
 
 def switches(data: ReportData) -> Figure | None:
-    """V of each switch against D, G, E and T: which hit too hard, which stay open."""
+    """V of each switch against D, G, E and T: which hit hardest, which stay open."""
     design = data.best_design
     if design is None:
         return None
@@ -178,7 +178,11 @@ def switches(data: ReportData) -> Figure | None:
     grid = figure.subplots(2, 2, sharey=True)
     groups: tuple[tuple[str, Any, dict[str, Any]], ...] = (
         ("closes", closed & ~slam & ~never, {"marker": ".", "color": COLOURS["best"], "markersize": 2.5, "alpha": 0.6}),
-        ("hits too hard: above $v_u$", slam, {"marker": "^", "color": COLOURS["deterministic"], "markersize": 3.5}),
+        (
+            f"closes, among the hardest {100.0 * (1.0 - design.assessment.level):g} %",
+            slam,
+            {"marker": "^", "color": COLOURS["deterministic"], "markersize": 3.5},
+        ),
         (
             "touches, not closed",
             slow,

@@ -294,7 +294,7 @@ def plain(text: str) -> str:
 
 
 def switches(data: ReportData, design: Design, name: str, limit: int = 2000) -> Chart:
-    """V against one parameter: which switches hit too hard (above v_u), which never close."""
+    """V against one parameter: which switches hit hardest (above v_u), which never close."""
     values, unit = data.parameters[name], labels.PARAMETERS[name][1]
     n = min(len(design.speed_cm_s), limit)
     v, closed, a = design.speed_cm_s[:n], design.closed[:n], design.assessment
@@ -302,7 +302,7 @@ def switches(data: ReportData, design: Design, name: str, limit: int = 2000) -> 
     slam = closed & (v > a.v_u_cm_s)
     groups = (
         ("closes", closed & ~slam & ~never, "@best/0.55", "circle", 4),
-        ("hits too hard: above v<sub>u</sub>", slam, "@deterministic", "triangle-up", 7),
+        (f"closes, among the hardest {100.0 * (1.0 - a.level):g} %", slam, "@deterministic", "triangle-up", 7),
         ("touches, not closed at the end", slow, "@open", "square-open", 7),
         ("never touches (drawn at 0)", never, "@open", "x-thin-open", 7),
     )

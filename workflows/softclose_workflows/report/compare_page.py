@@ -12,6 +12,7 @@ from softclose_workflows.report.comparison import Entry, differing_settings
 from softclose_workflows.report.data import Design
 from softclose_workflows.report.page import render
 from softclose_workflows.tell import labels
+from softclose_workflows.tell.tables import with_interval
 
 
 def render_comparison(entries: Sequence[Entry]) -> str:
@@ -53,14 +54,15 @@ def _metrics(entry: Entry) -> list[str]:
         return ["–"] * 4 + [entry.basis, "–", committed]
     a = entry.design.assessment
 
-    def bracketed(value: str, ends: str) -> str:
-        return f"{value} ({ends})" if ends and a.intervals_valid else value
+    def speed(value: float, ends: tuple[float, float]) -> str:
+        return with_interval(value, *(ends if a.intervals_valid else ()))
 
+    share = labels.estimated_share(a.p_nc, *a.p_nc_intervals.wilson)
     return [
-        bracketed(labels.number(a.v_u_cm_s, 2), labels.interval(*a.v_u_interval, digits=2)),
-        bracketed(labels.number(a.mean_cm_s, 2), labels.interval(*a.mean_interval, digits=2)),
-        bracketed(labels.percent(a.p_nc, 2), labels.percent_interval(*a.p_nc_intervals.wilson, digits=2)),
-        bracketed(labels.number(a.g_cm_s, 2), labels.interval(*a.g_interval, digits=2)),
+        speed(a.v_u_cm_s, a.v_u_interval),
+        speed(a.mean_cm_s, a.mean_interval),
+        f"{share[0]} ({share[1]})" if share[1] and a.intervals_valid else share[0],
+        speed(a.g_cm_s, a.g_interval),
         entry.basis,
         str(entry.data.best),
         committed,

@@ -33,5 +33,5 @@ def print_comparison(entries: Sequence[Entry]) -> None:
     for line in not_compared(entries):
         console.print(Text(line))
     for entry in entries:
-        if entry.design is not None and entry.design.assessment.open_warning:
-            console.print(Text(f"{entry.label}: {entry.design.assessment.open_warning}"))
+        for warning in entry.warnings:
+            console.print(Text(f"{entry.label}: {warning}"))

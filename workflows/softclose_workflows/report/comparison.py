@@ -9,8 +9,11 @@ from typing import Any
 from softclose.evaluate.pieces import Mapper, here
 from softclose.metrics.objective import Judged
 from softclose.metrics.paired import Comparison, compare
+from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose_workflows.analyses.certify import assess_fresh, simulate_fresh
+from softclose_store import open_campaign
+from softclose_workflows.analyses.certify import assess_fresh, fresh_switches, simulate_fresh
+from softclose_workflows.analyses.hold import Held, Hold, hold_warning, holds_on
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.gather import gather
 from softclose_workflows.run.needs import check_fresh
@@ -33,6 +36,15 @@ class Entry:
     """Its best candidate on new switches if it is certified, else on its own training switches; None without one."""
     fresh: Judged | None = None
     """What the new switches of this comparison did, where it has some."""
+    hold: Hold | None = None
+    """How its best candidate holds the switches that it is judged on; None where nothing is known of it."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader has to know beside the figures: many switches left open, hardly held."""
+        held = hold_warning([self.hold]) if self.hold is not None else None
+        left_open = "" if self.design is None else self.design.assessment.open_warning
+        return [*filter(None, [left_open, held])]
 
     @property
     def is_fair(self) -> bool:
@@ -66,11 +78,27 @@ def read_entries(paths: Sequence[str], fresh: int = 0, mapper: Mapper = here) ->
         Entry(label=label, data=data, design=data.judged_designs[0] if data.judged_designs else None)
         for label, data in zip(labels, found, strict=True)
     ]
-    return (
-        [_on_fresh(entry, fresh, entries[0].data.config.campaign.seed, mapper) for entry in entries]
-        if fresh
-        else entries
-    )
+    seed = entries[0].data.config.campaign.seed
+    if fresh:
+        return [_on_fresh(entry, fresh, seed, mapper) for entry in entries]
+    return [replace(entry, hold=_hold(entry, path)) for entry, path in zip(entries, paths, strict=True)]
+
+
+def _hold(entry: Entry, path: str) -> Hold | None:
+    """How the best candidate holds the switches of its certificate, or else those that it was trained on."""
+    config, certification = entry.data.config, entry.data.certification
+    if entry.design is None:
+        return None
+    if certification is not None:
+        lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
+    else:
+        lot = Lot(open_campaign(path).population()).rows(slice(len(entry.design.speed_cm_s)))
+    return _held(entry, entry.design, lot, has_interval=certification is not None)
+
+
+def _held(entry: Entry, design: Design, lot: Lot, *, has_interval: bool = True) -> Hold | None:
+    asked = Held(name=f"candidate {entry.data.best}", waveform=design.waveform, response=design.response)
+    return next(iter(holds_on(entry.data.config, lot, [asked], has_interval=has_interval)), None)
 
 
 def _on_fresh(entry: Entry, n: int, seed: int, mapper: Mapper) -> Entry:
@@ -81,7 +109,8 @@ def _on_fresh(entry: Entry, n: int, seed: int, mapper: Mapper) -> Entry:
     (response,) = simulate_fresh(config, [entry.design.waveform], n_switches=n, seed=seed, mapper=mapper)
     old = entry.design
     design = Design.of(response, assess_fresh(response, config), name=old.name, role=old.role, waveform=old.waveform)
-    return replace(entry, design=design, fresh=response)
+    lot = fresh_switches(config, n, seed=seed)
+    return replace(entry, design=design, fresh=response, hold=_held(entry, design, lot))
 
 
 def differences(entries: Sequence[Entry]) -> list[tuple[str, str, Comparison]]:
@@ -181,6 +210,8 @@ def _entry_to_json(entry: Entry) -> dict[str, Any]:
             "p_nc": float(a.p_nc),
             "p_nc_wilson": list(a.p_nc_intervals.wilson),
             "warning": a.open_warning,
+            "hold": None if entry.hold is None else entry.hold.to_dict(),
+            "hold_warning": hold_warning([entry.hold]) if entry.hold is not None else None,
             "n_switches": a.n,
             "certified": data.certification is not None,
             "fresh": entry.is_fair,

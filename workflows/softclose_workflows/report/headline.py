@@ -5,35 +5,40 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from softclose.digits import least_digits
 from softclose.evaluate.touching import contacts
 from softclose.metrics.objective import Assessment
+from softclose.metrics.open_kinds import open_kinds
 from softclose.metrics.paired import Comparison
 from softclose.propose.origins import ORIGINS, label_of
 from softclose_workflows.analyses.certify import Certification
+from softclose_workflows.analyses.drive_off import ALIKE, few_lines, on_switches
 from softclose_workflows.analyses.hold import Hold, hold_line, hold_warning, holds_of
-from softclose_workflows.analyses.references import beaten_lines, missing_lines
+from softclose_workflows.analyses.own_limits import OwnLimit, own_limits
+from softclose_workflows.analyses.references import REFERENCES, beaten_lines, missing_lines
 from softclose_workflows.report.data import Design, ReportData
 from softclose_workflows.report.drive_picture import drive_picture
+from softclose_workflows.report.glossary import objective_words
 from softclose_workflows.report.health import health
 from softclose_workflows.tell.assumptions import assumptions
 from softclose_workflows.tell.labels import (
     count,
-    interval,
+    estimated,
+    estimated_difference,
+    estimated_share,
     number,
     percent,
-    percent_interval,
-    points,
     pulse_lines,
     signed,
 )
-from softclose_workflows.tell.tables import beside
+from softclose_workflows.tell.tables import beside, share, with_interval
 
 
 def headline(data: ReportData) -> dict[str, Any]:
     """Everything that the first screen says, certified figures where there are any; empty without a candidate."""
     designs, certification = data.judged_designs, data.certification
     if not designs or data.best is None:
-        return {"rows": [], "certified": None, "n": "0", "valid": True, "confidence": 95.0}
+        return {"rows": [], "certified": None, "n": "0", "valid": True, "confidence": 95.0, "ranked": ""}
     best, a = designs[0], designs[0].assessment
     holds = _held(data)
     return {
@@ -42,10 +47,14 @@ def headline(data: ReportData) -> dict[str, Any]:
         if hasattr(best.waveform, "rows")
         else [],
         "picture": drive_picture(best.waveform, data.config.model.horizon_us, data.config.waveform.max_volts),
-        "rows": _rows(data, designs),
+        "rows": (rows := _rows(data, designs)),
+        "paired": any(row["pairs"] for row in rows),
         "closing": _closing(data, designs),
+        "open": open_kinds(best.response, a.closed_by_us).sentence,
+        "limits": limit_rows(own_limits(data.config, best.response, a, fresh=certification is not None)),
+        "references": _reference_pulses(designs[1:]),
         "drive_off": off_rows(certification),
-        "n_off": count(certification.drive_off[0].assessment.n) if certification and certification.drive_off else "",
+        "off": off_words(certification),
         "limit": a.p_exceed[0].limit_cm_s if a.p_exceed else None,
         "level": 100.0 * a.level,
         "horizon": data.config.model.horizon_us,
@@ -55,13 +64,15 @@ def headline(data: ReportData) -> dict[str, Any]:
         "said": [*filter(None, [a.limit and a.limit.sentence, *_failed(a), hold_line(holds, a.level)])],
         "warnings": [
             *filter(None, [a.open_warning, hold_warning(holds)]),
-            *beaten_lines(a, {d.name: d.assessment for d in designs[1:]}),
+            *beaten_lines(a, {d.role: d.assessment for d in designs[1:]}),
             *missing_lines(data.judged_missing),
         ],
         "assumed": assumptions(data.config),
+        "objective": objective_words(data.config),
         "found": found_by(data),
         "health": health(data),
         "certified": None if certification is None else _certified(data, certification),
+        "ranked": ranked(data),
     }
 
 
@@ -96,11 +107,12 @@ def promised(data: ReportData, i: int) -> str:
         return ""
     settings, came = data.config.prior, float(data.candidates.columns["g_cm_s"][i])
     text = (
-        f" The prior ({settings.model} on {count(settings.n_switches)} switches) had promised g = {number(prior, 2)} "
-        "cm/s of it"
+        f" The prior, a search on a cheap model ({settings.model} on {count(settings.n_switches)} switches), had "
+        f"promised g = {number(prior, 2)} cm/s of it"
     )
     if not math.isnan(deviation):
-        text += f", the process expected {number(expected, 2)} ± {number(deviation, 2)} cm/s"
+        said_before = f"{number(expected, 2)} ± {number(deviation, 2)} cm/s"
+        text += f", the Gaussian process, which proposes candidates, expected {said_before}"
     return f"{text}; it came to {number(came, 2)} cm/s on the training switches."
 
 
@@ -114,7 +126,10 @@ def _rows(data: ReportData, designs: tuple[Design, ...]) -> list[dict[str, Any]]
     best, rows = designs[0], [_row("This drive", designs[0].assessment, "best")]
     paired = data.certification is not None or data.config.population.sampling == "monte-carlo"
     for other in designs[1:]:
-        rows += [_row(_capital(other.name), other.assessment, "reference"), _difference(best.against(other), paired)]
+        rows += [
+            _row(_capital(other.name), other.assessment, "reference"),
+            _difference(best.against(other), best.assessment.n, paired),
+        ]
     return rows
 
 
@@ -128,15 +143,47 @@ def _closing(data: ReportData, designs: tuple[Design, ...]) -> list[list[tuple[s
         found = contacts(data.config, design.response, a, fresh=fresh)
         if not found:
             return []
-        times = (found["contact_time"].estimate, found["contact_time"].interval), (a.closing_us, a.closing_interval)
-        impacts = found["impacts"]
+        touch, impacts = found["contact_time"], found["impacts"]
         name = "This drive" if not rows else _capital(design.name)
         rows.append(
             [
                 (name, ""),
-                *((f"{number(value)} µs", interval(*ends)) for value, ends in times),
-                (number(impacts.estimate, 0), interval(*impacts.interval, 0)),
+                estimated(touch.estimate, *touch.interval, "µs", least_digits("µs")),
+                estimated(a.closing_us, *a.closing_interval, "µs", least_digits("µs")),
+                estimated(impacts.estimate, *impacts.interval, least=least_digits("1")),
             ]
+        )
+    return rows
+
+
+def _reference_pulses(designs: tuple[Design, ...]) -> list[dict[str, Any]]:
+    """What the reference designs are, and their pulses; a recorded trace has none."""
+    return [
+        {
+            "name": _capital(design.name),
+            "role": design.role,
+            "what": REFERENCES.get(design.role, ""),
+            "pulses": pulse_lines([tuple(row) for row in design.waveform.rows().tolist()]),
+        }
+        for design in designs
+        if hasattr(design.waveform, "rows")
+    ]
+
+
+def limit_rows(limits: list[OwnLimit]) -> list[dict[str, str]]:
+    """A row for each limit of the campaign: what, value, interval, limit, and pass or fail."""
+    rows = []
+    for found in limits:
+        value, bounds, limit = found.told
+        rows.append(
+            {
+                "what": _capital(found.quantity.long_name),
+                "setting": found.setting,
+                "value": value,
+                "interval": bounds,
+                "limit": limit,
+                "verdict": found.verdict,
+            }
         )
     return rows
 
@@ -147,44 +194,73 @@ def off_rows(certification: Certification | None) -> list[list[tuple[str, str]]]
     return [
         [
             (_capital(row.name), ""),
-            (f"{number(a.v_u_cm_s, 2)} cm/s", interval(*a.v_u_interval, 2)),
-            (percent(a.p_nc, 2), percent_interval(*a.p_nc_intervals.wilson, 2)),
+            estimated(a.v_u_cm_s, *a.v_u_interval, "cm/s"),
+            estimated_share(a.p_nc, *a.p_nc_intervals.wilson),
         ]
         for row in (() if certification is None else certification.drive_off)
         for a in [row.assessment]
     ]
 
 
+def off_words(certification: Certification | None) -> dict[str, Any]:
+    """On which of the new switches the rows of `off_rows` are, and what a reader has to know of them."""
+    if certification is None or not certification.drive_off:
+        return {}
+    n, n_switches = certification.drive_off[0].assessment.n, certification.n_switches
+    return {"switches": on_switches(n, n_switches), "said": [*few_lines(n, n_switches), ALIKE]}
+
+
+def ranked(data: ReportData) -> str:
+    """Why the best of the page is not the first of the table of candidates; empty where it is."""
+    order = data.candidates.ranked
+    if data.best is None or data.certification is None or not order or order[0] == data.best:
+        return ""
+    first = order[0]
+    g = data.candidates.columns["g_cm_s"]
+    certified = {d.candidate: d.assessment for d in data.certification.candidates}
+    of_best, n = certified[data.best].g_cm_s, count(data.certification.n_switches)
+    said = (
+        f"This table ranks by training score, in which candidate {first} is first (g = {number(float(g[first]), 2)} "
+        f"cm/s); candidate {data.best} is the best on the {n} new switches (g = {number(of_best, 2)}"
+    )
+    if first in certified:
+        said += f" against {number(certified[first].g_cm_s, 2)} cm/s). Their order there counts"
+    else:
+        said += f" cm/s; candidate {first} was not among those certified). That order counts"
+    return f"{said}: a training score is optimistic."
+
+
 def _row(name: str, a: Assessment, kind: str) -> dict[str, Any]:
-    digits = 2 if a.n >= 20_000 else 1
-
-    def bounds(text: str) -> str:
-        return text if a.intervals_valid else ""
+    def bounded(cells: tuple[str, str]) -> tuple[str, str]:
+        return cells[0], cells[1] if a.intervals_valid else ""
 
     cells = [
-        (f"{number(a.v_u_cm_s, digits)} cm/s", bounds(interval(*a.v_u_interval, digits))),
-        (percent(a.p_nc, digits), bounds(percent_interval(*a.p_nc_intervals.wilson, digits))),
-        (f"{number(a.mean_cm_s, digits)} cm/s", bounds(interval(*a.mean_interval, digits))),
+        bounded(estimated(a.v_u_cm_s, *a.v_u_interval, "cm/s")),
+        bounded(estimated_share(a.p_nc, *a.p_nc_intervals.wilson)),
+        bounded(estimated(a.mean_cm_s, *a.mean_interval, "cm/s")),
     ]
-    for e in a.p_exceed[:1]:
-        p = e.probability
-        cells.append((percent(p.estimate, digits), bounds(percent_interval(*p.wilson, digits))))
-    return {"name": name, "kind": kind, "cells": cells}
+    cells += [bounded(estimated_share(e.probability.estimate, *e.probability.wilson)) for e in a.p_exceed[:1]]
+    return {"name": name, "kind": kind, "cells": cells, "pairs": ""}
 
 
-def _difference(c: Comparison, valid: bool) -> dict[str, Any]:
-    """The drive minus the reference above it, switch by switch."""
+def _difference(c: Comparison, n: int, valid: bool) -> dict[str, Any]:
+    """The drive minus the reference above it, switch by switch. n: switches that both were judged on."""
 
-    def bounds(text: str) -> str:
-        return text if valid else ""
+    def bounded(cells: tuple[str, str]) -> tuple[str, str]:
+        return cells[0], cells[1] if valid else ""
 
-    softer = "" if math.isnan(c.softer.estimate) else f"softer on {percent(c.softer.estimate)} of the switches"
+    both, softer = count(c.softer.n), ""
+    if c.softer.n:
+        softer = f"softer on {percent(c.softer.estimate)} of these {both} switches"
+    ends = 100.0 * c.p_nc_interval[0], 100.0 * c.p_nc_interval[1]
     cells = [
-        (f"{signed(c.v_u_cm_s, 2)} cm/s", bounds(interval(*c.v_u_interval, 2))),
-        (points(c.p_nc), bounds(interval(100.0 * c.p_nc_interval[0], 100.0 * c.p_nc_interval[1], 2))),
-        (f"{signed(c.mean_cm_s, 2)} cm/s", bounds(interval(*c.mean_interval, 2))),
+        bounded(estimated_difference(c.v_u_cm_s, *c.v_u_interval, "cm/s")),
+        bounded(estimated_difference(100.0 * c.p_nc, *ends, "points")),
+        bounded(estimated_difference(c.mean_cm_s, *c.mean_interval, "cm/s")),
     ]
-    return {"name": "this drive against it", "kind": "difference", "cells": cells, "softer": softer}
+    # The means above are each of those that touch under one drive: they do not subtract where these are not the same.
+    pairs = f"of the {both} that touch under both" if 0 < c.softer.n < n else ""
+    return {"name": "this drive against it", "kind": "difference", "cells": cells, "softer": softer, "pairs": pairs}
 
 
 def _capital(text: str) -> str:
@@ -197,13 +273,12 @@ def _certified(data: ReportData, c: Certification) -> dict[str, Any]:
         {
             "name": d.name,
             "training": number(d.training.g_cm_s, 2) if d.training is not None else "–",
-            "g": number(d.assessment.g_cm_s, 2),
-            "g_interval": interval(*d.assessment.g_interval, 2),
+            "g": with_interval(d.assessment.g_cm_s, *d.assessment.g_interval),
             "optimism": signed(d.optimism_cm_s, 2),
-            "v_u": number(d.assessment.v_u_cm_s, 2),
-            "v_u_interval": interval(*d.assessment.v_u_interval, 2),
-            "mean": number(d.assessment.mean_cm_s, 2),
-            "p_nc": percent(d.assessment.p_nc, 2) + beside(d.assessment.n_failed, d.assessment.n),
+            "v_u": with_interval(d.assessment.v_u_cm_s, *d.assessment.v_u_interval),
+            "mean": with_interval(d.assessment.mean_cm_s, *d.assessment.mean_interval),
+            "p_nc": share(d.assessment.p_nc, *d.assessment.p_nc_intervals.wilson)
+            + beside(d.assessment.n_failed, d.assessment.n),
         }
         for d in (*c.candidates, *c.references)
     ]

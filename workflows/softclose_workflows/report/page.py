@@ -21,6 +21,7 @@ from softclose import __version__
 from softclose.propose.origins import label_of
 from softclose_workflows.report import charts, front_charts, packed, shapes
 from softclose_workflows.report.data import ReportData
+from softclose_workflows.report.glossary import glossary
 from softclose_workflows.report.headline import headline
 from softclose_workflows.report.sections import all_sections
 from softclose_workflows.report.summary import candidate_rows, front_words, metrics, provenance
@@ -52,6 +53,7 @@ def render_report(data: ReportData) -> str:
         sections=shown,
         metrics=[] if data.best is None else metrics(data, data.best),
         headline=(top := headline(data)),
+        words=glossary(data),
         picture=Markup(top.get("picture", "")),
         places_g=[labels.number(data.candidates.columns["g_cm_s"][i], 2) for i in data.places],
         candidates=candidate_rows(data),

@@ -1,7 +1,7 @@
 """Owns what a section of the report is: what it finds in a store, its charts, its words. Each is a file of `sections`.
 
-The page lists all in the order of their places, between the contact speeds and the switches that hit too hard. A
-section needs a best candidate.
+The page lists all in the order of their places, between the contact speeds and the switches that hit hardest. A section
+needs a best candidate.
 """
 
 from __future__ import annotations

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
+from softclose.metrics.open_kinds import open_kinds
 from softclose_workflows.analyses.signing import Line, Sheet, versions_of, waveform_digest
 from softclose_workflows.report.drive_picture import drive_picture
-from softclose_workflows.report.headline import off_rows
+from softclose_workflows.report.headline import off_rows, off_words
 from softclose_workflows.report.page import render_plain
 from softclose_workflows.tell.assumptions import assumptions
-from softclose_workflows.tell.labels import count, interval, number, percent, percent_interval, pulse_lines
+from softclose_workflows.tell.labels import count, estimated_quantity, pulse_lines
 
 VERDICTS = {"pass": "Pass", "fail": "Fail", "not established": "Not established", "not judged": "–"}
 
@@ -34,7 +35,8 @@ def render_sign(sheet: Sheet) -> str:
         pulses=pulse_lines([tuple(row) for row in best.waveform.rows().tolist()]),
         picture=Markup(drive_picture(best.waveform, config.model.horizon_us, config.waveform.max_volts)),
         drive_off=off_rows(sheet.certification),
-        n_off=count(sheet.certification.drive_off[0].assessment.n) if sheet.certification.drive_off else "",
+        off=off_words(sheet.certification),
+        open=open_kinds(best.response, a.closed_by_us).sentence,
         digest=waveform_digest(best.waveform),
         assumed=assumptions(config),
         versions=versions_of(sheet),
@@ -54,23 +56,16 @@ def judged(sheet: Sheet) -> str:
 
 
 def _cells(line: Line, level: float) -> dict[str, str]:
-    q, share = line.quantity, line.quantity.is_share
-    digits = 0 if q.unit == "1" and not share else 2
-
-    def shown(value: float) -> str:
-        return percent(value, 2) if share else f"{number(value, digits)} {q.unit.removeprefix('1')}".rstrip()
-
-    low, high = line.value.interval
-    bounds = "exact" if q.per == "drive" else percent_interval(low, high, 2) if share else interval(low, high, digits)
-    sign = "at most" if q.better == "low" else "at least"
+    q = line.quantity
+    value, bounds = estimated_quantity(q, line.value.estimate, *line.value.interval)
     what = q.long_name
     if q.per == "switch":
-        what += f", {100.0 * level:g} % of the switches {'at most' if q.better == 'low' else 'at least'}"
+        what += f", {100.0 * level:g} % of the switches {q.bound}"
     return {
         "what": _capital(what),
-        "value": "not known" if math.isnan(line.value.estimate) else shown(line.value.estimate),
+        "value": "not known" if math.isnan(line.value.estimate) else value,
         "interval": bounds,
-        "limit": "–" if line.limit is None else f"{sign} {shown(line.limit)}",
+        "limit": "–" if line.limit is None else f"{q.bound} {estimated_quantity(q, line.limit)[0]}",
         "verdict": VERDICTS[line.verdict],
         "kind": line.verdict.replace(" ", "-"),
     }

@@ -6,11 +6,12 @@ import math
 import time
 from typing import Any
 
+from softclose.digits import least_digits
 from softclose.evaluate.asked import asked
 from softclose.evaluate.quantities import quantity
 from softclose.propose.origins import label_of
 from softclose_workflows.report.data import ReportData
-from softclose_workflows.tell.labels import count, interval, number, percent, percent_interval
+from softclose_workflows.tell.labels import count, estimated, estimated_share, number, percent
 
 
 def front_words(data: ReportData) -> str:
@@ -25,36 +26,33 @@ def front_words(data: ReportData) -> str:
 def metrics(data: ReportData, i: int) -> list[list[str]]:
     """(name, value, interval) of one candidate, as shown beside its waveform."""
     c = {name: float(values[i]) for name, values in data.candidates.columns.items()}
+    level = 100.0 * data.config.objective.level
+
+    def speed(name: str) -> tuple[str, str]:
+        return estimated(c[f"{name}_cm_s"], c[f"{name}_lower_cm_s"], c[f"{name}_upper_cm_s"], "cm/s")
+
+    def share(name: str, ends: str) -> tuple[str, str]:
+        return estimated_share(c[name], c[f"{ends}_lower"], c[f"{ends}_upper"])
+
     rows = [
-        ["objective g", f"{number(c['g_cm_s'], 2)} cm/s", interval(c["g_lower_cm_s"], c["g_upper_cm_s"], 2)],
-        ["upper velocity", f"{number(c['v_u_cm_s'], 2)} cm/s", interval(c["v_u_lower_cm_s"], c["v_u_upper_cm_s"], 2)],
-        ["mean V", f"{number(c['mean_cm_s'], 2)} cm/s", interval(c["mean_lower_cm_s"], c["mean_upper_cm_s"], 2)],
-        [
-            f"mean V of the fastest {100.0 * (1.0 - data.config.objective.level):g}\u202f%",
-            f"{number(c['cvar_cm_s'], 2)} cm/s",
-            interval(c["cvar_lower_cm_s"], c["cvar_upper_cm_s"], 2),
-        ],
+        ["objective g", *speed("g")],
+        ["upper velocity v_u", *speed("v_u")],
+        ["mean V", *speed("mean")],
+        [f"mean V of the fastest {100.0 - level:g}\u202f%", *speed("cvar")],
         ["largest V", f"{number(c['max_cm_s'], 2)} cm/s", ""],
-        ["not closed", percent(c["p_nc"], 2), percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"], 2)],
+        ["left open", *share("p_nc", "p_nc_wilson")],
         ["made contact", percent(c["p_contact"], 2), ""],
         [
-            f"closing time of {100.0 * data.config.objective.level:g}\u202f%",
-            f"{number(c['closing_us'])} µs",
-            interval(c["closing_lower_us"], c["closing_upper_us"]),
+            f"closing time of {level:g}\u202f%",
+            *estimated(c["closing_us"], c["closing_lower_us"], c["closing_upper_us"], "µs", least_digits("µs")),
         ],
     ]
     for limit in data.config.objective.limits_cm_s:
-        name = f"{limit:g}"
-        rows.append(
-            [
-                f"faster than {name} cm/s",
-                percent(c[f"p_exceed_{name}"], 2),
-                percent_interval(c[f"p_exceed_wilson_{name}_lower"], c[f"p_exceed_wilson_{name}_upper"], 2),
-            ]
-        )
+        cells = share(f"p_exceed_{limit:g}", f"p_exceed_wilson_{limit:g}")
+        rows.append([f"faster than {limit:g} cm/s, of those that touch", *cells])
     for q in asked(data.config):
-        ends = interval(c[f"{q.name}_lower"], c[f"{q.name}_upper"])
-        rows.append([q.long_name, f"{number(c[q.name])} {q.unit.removeprefix('1')}".rstrip(), ends])
+        ends = c[f"{q.name}_lower"], c[f"{q.name}_upper"]
+        rows.append([q.long_name, *estimated(c[q.name], *ends, q.unit.removeprefix("1"), least_digits(q.unit))])
     return [*rows, ["switches", f"{int(data.candidates.n_switches[i]):,}", ""]]
 
 
@@ -71,17 +69,15 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
     for place, i in enumerate(order[:MOST_ROWS]):
         c = {name: float(values[i]) for name, values in t.columns.items()}
         cells = [
-            _cell(c["g_cm_s"], number(c["g_cm_s"], 2), interval(c["g_lower_cm_s"], c["g_upper_cm_s"])),
-            _cell(c["v_u_cm_s"], number(c["v_u_cm_s"], 2), interval(c["v_u_lower_cm_s"], c["v_u_upper_cm_s"])),
-            _cell(c["mean_cm_s"], number(c["mean_cm_s"], 2)),
-            _cell(
-                c["p_nc"],
-                number(100.0 * c["p_nc"], 1),
-                percent_interval(c["p_nc_wilson_lower"], c["p_nc_wilson_upper"]).removesuffix("\u202f%"),
-            ),
+            _cell(c["g_cm_s"], *estimated(c["g_cm_s"], c["g_lower_cm_s"], c["g_upper_cm_s"])),
+            _cell(c["v_u_cm_s"], *estimated(c["v_u_cm_s"], c["v_u_lower_cm_s"], c["v_u_upper_cm_s"])),
+            _cell(c["mean_cm_s"], *estimated(c["mean_cm_s"], c["mean_lower_cm_s"], c["mean_upper_cm_s"])),
+            _cell(c["p_nc"], *_in_percent(c, "p_nc", "p_nc_wilson")),
         ]
         if limit:
-            cells.append(_cell(c[f"p_exceed_{limit}"], number(100.0 * c[f"p_exceed_{limit}"], 1)))
+            cells.append(
+                _cell(c[f"p_exceed_{limit}"], *_in_percent(c, f"p_exceed_{limit}", f"p_exceed_wilson_{limit}"))
+            )
         cells.append(_cell(float(t.n_switches[i]), count(int(t.n_switches[i]))))
         rows.append(
             {
@@ -98,6 +94,12 @@ def candidate_rows(data: ReportData) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _in_percent(c: dict[str, float], name: str, ends: str) -> tuple[str, str]:
+    """A share and its interval under a heading that says %."""
+    value, bounds = estimated_share(c[name], c[f"{ends}_lower"], c[f"{ends}_upper"])
+    return value.removesuffix("\u202f%"), bounds.removesuffix("\u202f%")
 
 
 def _cell(value: float, text: str, small: str = "") -> dict[str, str]:

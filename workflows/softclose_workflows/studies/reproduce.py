@@ -25,7 +25,7 @@ from softclose_workflows.tell.labels import percent_interval, signed
 from softclose_workflows.tell.outputs import check_folder, write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, share, with_interval
-from softclose_workflows.terminal import say
+from softclose_workflows.terminal import READING, say, working
 
 STORED = ("store.n_times=126",)
 """Trajectories every 2 µs: the figures simulate their own 200 switches, on a finer grid."""
@@ -57,7 +57,8 @@ def members(overrides: Sequence[str] = ()) -> list[Member]:
 def reproduce(folder: str | Path, effort: Effort, overrides: Sequence[str] = ()) -> list[ReproducedRow]:
     """Run, continue or re-read every campaign, and write the tables. Raises OutputError for a folder that cannot be."""
     folder = check_folder(folder)
-    campaigns = members(overrides)
+    with working(READING, quiet=effort.quiet):
+        campaigns = members(overrides)
     certifications = run_series(campaigns, folder / "stores", effort)
     rows = _rows(campaigns, certifications)
     write_text(folder / "table.json", json_text(to_json(rows), indent=1) + "\n", "--out")
@@ -141,7 +142,7 @@ def to_text(rows: Sequence[ReproducedRow]) -> str:
 
 def print_reproduction(rows: Sequence[ReproducedRow]) -> None:
     """The comparison for people."""
-    _print(wide_console(WIDTH), rows)
+    _print(wide_console(), rows)
 
 
 def _print(console: Any, rows: Sequence[ReproducedRow]) -> None:

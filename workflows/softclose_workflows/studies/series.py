@@ -25,7 +25,7 @@ from softclose_workflows.run.stopping import StopRequest, stop_on_signals
 from softclose_workflows.studies.at_once import run_at_once
 from softclose_workflows.tell.console import bar
 from softclose_workflows.tell.outputs import check_folder, make_folder
-from softclose_workflows.terminal import say
+from softclose_workflows.terminal import STARTING, say, working
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,12 @@ def run_series(
         create_store(member.config, member.store(folder))
     results = []
     with stop_on_signals() as stop, ExitStack() as stack, _same_command_continues():
-        cluster = cache(lambda: stack.enter_context(open_executor(effort.placement)))
+
+        def opened() -> Executor:
+            with working(STARTING, quiet=effort.quiet):
+                return stack.enter_context(open_executor(effort.placement))
+
+        cluster = cache(opened)
         threads = cache(lambda: stack.enter_context(open_executor(effort.placement, threads=n_cores())))
         crew = Crew(threads if effort.placement.is_usual else cluster, stop)
         left = [path for m in members if not open_campaign(path := m.store(folder)).finished]

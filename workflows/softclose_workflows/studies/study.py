@@ -24,6 +24,7 @@ from softclose_workflows.tell.labels import signed
 from softclose_workflows.tell.outputs import write_text
 from softclose_workflows.tell.plain import finite, json_text, waveform_rows
 from softclose_workflows.tell.tables import describe_waveform, share_open, with_interval
+from softclose_workflows.terminal import READING, working
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +74,8 @@ class StudyResult:
 
 def run_study(study: Study, folder: str | Path, effort: Effort) -> StudyResult:
     """Run, continue or re-read a study, and write `study.json` into its folder."""
-    members = study.members()
+    with working(READING, quiet=effort.quiet):
+        members = study.members()
     certifications = run_series(members, folder, effort)
     result = StudyResult(
         study=study,

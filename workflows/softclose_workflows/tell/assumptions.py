@@ -27,9 +27,10 @@ def _of_conditions(kinds: list[type[Condition]], config: CampaignConfig) -> list
 
 
 def _lot(config: CampaignConfig) -> str:
+    what = config.build_population().description
     return (
-        f"The lot is the population “{config.population.name}”: the figures hold for devices that are distributed "
-        "as it says."
+        f"The lot is the population “{config.population.name}”{f' ({what})' if what else ''}: the figures hold for "
+        "devices that are distributed as it says."
     )
 
 

@@ -23,7 +23,7 @@ ROOM = 24
 """Columns that a table needs beyond its narrowest form to be easier to read than its rows one below the other."""
 
 
-def wide_console(width: int = 160) -> Console:
+def wide_console() -> Console:
     """A console for tables, on standard output.
 
     In a pipe or a log, which have no width of their own, it folds nothing and ends lines where their text ends. On a
@@ -34,17 +34,37 @@ def wide_console(width: int = 160) -> Console:
     class TableConsole(plain_console_type()):  # type: ignore[misc]
         def print(self, *objects: Any, **options: Any) -> None:
             table = objects[0] if len(objects) == 1 else None
-            if isinstance(table, Table) and not self.is_terminal:
-                with self.capture() as captured:
-                    super().print(table, **options)
-                self.file.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+            if not self.is_terminal:
+                if isinstance(table, Table):
+                    self.file.write("".join(f"{line}\n" for line in _unfolded(self, table)))
+                else:
+                    super().print(*objects, **({"soft_wrap": True} | options))
             elif isinstance(table, Table) and _too_wide(self, table):
                 super().print(stacked(table), **options)
             else:
                 super().print(*objects, **options)
 
     console: Console = TableConsole()
-    return console if console.is_terminal else TableConsole(width=width)
+    return console
+
+
+def _unfolded(console: Console, table: Table) -> Iterator[str]:
+    """The lines of a table that is as wide as it needs to be, its title above and its caption below it."""
+    width = console.measure(table, options=console.options.update(width=_ANY_WIDTH)).maximum
+    title, caption = table.title, table.caption
+    table.title = table.caption = None
+    try:
+        lines = console.render_lines(table, console.options.update(width=width), pad=False)
+    finally:
+        table.title, table.caption = title, caption
+    yield from str(title or "").splitlines()
+    for line in lines:
+        yield "".join(segment.text for segment in line).rstrip()
+    yield from str(caption or "").splitlines()
+
+
+_ANY_WIDTH = 10_000
+"""Columns that no table of ours needs."""
 
 
 def _too_wide(console: Console, table: Table) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from softclose.digits import LEAST, digits_of, least_digits
+from softclose.evaluate.quantities import Quantity
 from softclose.propose.inputs import SWING
 from softclose.propose.origins import Group
 from softclose.waveform import coordinates
@@ -91,11 +93,6 @@ def signed(value: float, digits: int = 1) -> str:
     return "–" if math.isnan(value) else f"{value:+z.{digits}f}".replace("-", "−").replace("inf", "∞")
 
 
-def points(difference: float, digits: int = 2) -> str:
-    """A difference of two shares, in percentage points: `+7.15 points`."""
-    return f"{signed(100.0 * difference, digits)} points"
-
-
 def interval(lower: float, upper: float, digits: int = 1) -> str:
     """`17.2–18.9`, or `−0.3 to 0.2` where an end is negative; empty where either end is undefined."""
     if math.isnan(lower) or math.isnan(upper):
@@ -119,6 +116,36 @@ def percent_interval(lower: float, upper: float, digits: int = 1) -> str:
     if math.isnan(lower) or math.isnan(upper):
         return ""
     return f"{interval(100.0 * max(lower, 0.0), 100.0 * min(upper, 1.0), digits)}\u202f%"
+
+
+def estimated(value: float, lower: float, upper: float, unit: str = "", least: int = LEAST) -> tuple[str, str]:
+    """`("13.57 cm/s", "13.54–13.61")`: a figure and its interval, both with the same digits (`softclose.digits`)."""
+    digits = digits_of(value, lower, upper, least)
+    text = number(value, digits)
+    return f"{text} {unit}" if unit and text != "–" else text, interval(lower, upper, digits)
+
+
+def estimated_share(value: float, lower: float, upper: float) -> tuple[str, str]:
+    """`("3.48\u202f%", "3.37–3.60\u202f%")`: the same of a probability, in per cent."""
+    digits = digits_of(100.0 * value, 100.0 * lower, 100.0 * upper)
+    return percent(value, digits), percent_interval(lower, upper, digits)
+
+
+def estimated_quantity(q: Quantity, value: float, lower: float = math.nan, upper: float = math.nan) -> tuple[str, str]:
+    """The same of a quantity, in its unit: shares in per cent, `exact` in the place of the interval of a drive's."""
+    if q.is_share:
+        return estimated_share(value, lower, upper)
+    text, bounds = estimated(value, lower, upper, q.unit.removeprefix("1"), least_digits(q.unit))
+    return text, "exact" if q.per == "drive" else bounds
+
+
+def estimated_difference(value: float, lower: float, upper: float, unit: str = "") -> tuple[str, str]:
+    """`("−26.41 cm/s", "−26.49 to −26.32")`: the same of a difference, every number with its sign."""
+    digits = digits_of(value, lower, upper)
+    text = signed(value, digits)
+    known = not (math.isnan(lower) or math.isnan(upper))
+    ends = f"{signed(lower, digits)} to {signed(upper, digits)}" if known else ""
+    return f"{text} {unit}" if unit and text != "–" else text, ends
 
 
 def pulse_lines(rows: list[tuple[float, float, float, float]]) -> list[dict[str, str]]:

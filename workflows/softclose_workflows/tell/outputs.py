@@ -88,8 +88,10 @@ def write_text(path: str | Path, text: str, option: str = "-o") -> None:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
 
-def say_written(paths: Sequence[str]) -> None:
-    """`written: a.html (7.1 MB)`."""
+def say_written(paths: Sequence[str | Path], *, err: bool = False) -> None:
+    """`written: a.html (7.1 MB)`. err: on standard error, where standard output may be what was asked for."""
     for path in paths:
         size = Path(path).stat().st_size
-        click.echo(f"written: {path} ({size / 1e6:.1f} MB)" if size > 1e5 else f"written: {path} ({size / 1e3:.0f} kB)")
+        digits = 1 if size < 1e4 else 0
+        shown = f"{size / 1e6:.1f} MB" if size > 1e5 else f"{size / 1e3:.{digits}f} kB"
+        click.echo(f"written: {path} ({shown})", err=err)

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from softclose.device.status import not_integrated
+from softclose.digits import LEAST, digits_of, least_digits
 from softclose.metrics.intervals import Interval, unseen_share
 from softclose.metrics.replicates import REPLICATES
 from softclose_store import Best
 from softclose_workflows.tell.console import wide_console
-from softclose_workflows.tell.labels import in_percent, interval, number, signed
+from softclose_workflows.tell.labels import estimated, estimated_difference, in_percent, interval
 from softclose_workflows.tell.plain import waveform_rows
 from softclose_workflows.tell.standing import Standing
 
@@ -26,34 +27,32 @@ def describe_waveform(rows: Sequence[Sequence[float | None]]) -> str:
     return "\n".join(lines)
 
 
-def with_interval(value: float, lower: float, upper: float, digits: int = 2) -> str:
-    """`19.70 (19.21–20.14)`; a dash where there is no value, ∞ where too few switches have one."""
-    if math.isnan(value):
-        return "–"
-    if math.isnan(lower) or math.isnan(upper):
-        return number(value, digits)
-    return f"{number(value, digits)} ({ends(lower, upper, digits)})"
+def with_interval(value: float, lower: float = math.nan, upper: float = math.nan, least: int = LEAST) -> str:
+    """`19.70 (19.21–20.14)`; a dash where there is no value, ∞ where too few switches have one.
+
+    Figure and interval have the same digits, at least `least` of them (`softclose.digits`).
+    """
+    return _bracketed(value, *estimated(value, lower, upper, least=least))
 
 
-def share(value: float, lower: float = math.nan, upper: float = math.nan, digits: int = 2) -> str:
+def share(value: float, lower: float = math.nan, upper: float = math.nan, least: int = LEAST) -> str:
     """A share of the switches: `7.15 % (6.99–7.31)`; a dash where there is none."""
-    if math.isnan(value):
-        return "–"
-    bounds = "" if math.isnan(lower) or math.isnan(upper) else f" ({ends(100.0 * lower, 100.0 * upper, digits)})"
-    return in_percent(value, digits) + bounds
+    digits = digits_of(100.0 * value, 100.0 * lower, 100.0 * upper, least)
+    return _bracketed(value, in_percent(value, digits), interval(100.0 * lower, 100.0 * upper, digits))
 
 
-def points(difference: float, lower: float = math.nan, upper: float = math.nan, digits: int = 2) -> str:
+def points(difference: float, lower: float = math.nan, upper: float = math.nan) -> str:
     """A difference of two shares, in percentage points: `+7.15 (+6.99 to +7.31)`."""
-    if math.isnan(difference):
-        return "–"
-    bounds = "" if math.isnan(lower) or math.isnan(upper) else f" ({ends(100.0 * lower, 100.0 * upper, digits, '+')})"
-    return f"{signed(100.0 * difference, digits)}{bounds}"
+    return difference_with_interval(100.0 * difference, 100.0 * lower, 100.0 * upper)
 
 
-def ends(lower: float, upper: float, digits: int = 2, sign: str = "") -> str:
-    """`19.21–20.14`, with "to" between signed or negative numbers; an end that nothing bounds is ∞."""
-    return f"{signed(lower, digits)} to {signed(upper, digits)}" if sign else interval(lower, upper, digits)
+def difference_with_interval(value: float, lower: float = math.nan, upper: float = math.nan) -> str:
+    """`−26.41 (−26.49 to −26.32)`; a dash where there is none."""
+    return _bracketed(value, *estimated_difference(value, lower, upper))
+
+
+def _bracketed(value: float, text: str, bounds: str) -> str:
+    return "–" if math.isnan(value) else f"{text} ({bounds})" if bounds else text
 
 
 def interval_kinds(confidence: float, n: int, sampling: str = "monte-carlo") -> str:
@@ -64,11 +63,15 @@ def interval_kinds(confidence: float, n: int, sampling: str = "monte-carlo") -> 
     if sampling == "sobol":
         return "one quasi-random sample: no interval holds for it."
     if sampling == "replicated":
-        return f"{in_percent(confidence)} intervals: from the spread of {REPLICATES} independent scramblings."
+        return (
+            f"{in_percent(confidence)} intervals: from the spread of {REPLICATES} independent scramblings; none covers "
+            "an error of the device model, or a lot that is distributed otherwise."
+        )
     return (
         f"{in_percent(confidence)} intervals: order statistics (v_u), Student and Hall (mean V, CVaR), Wilson (left "
         f"open: right on average, down to 84 % near 0 and 1). None knows of a group that no switch is from: up to "
-        f"{100.0 * unseen_share(n, confidence):.2g} % of a lot can be missing from {n:,}."
+        f"{100.0 * unseen_share(n, confidence):.2g} % of a lot can be missing from {n:,}. None covers an error "
+        "of the device model, or a lot that is distributed otherwise."
     )
 
 
@@ -114,9 +117,11 @@ def closing_lines(record: Mapping[str, Any]) -> list[str]:
     All are what the level-quantile of the switches has at most; contacts are told where the record has them.
     """
 
-    held = with_interval(record["closing_us"], record["closing_lower_us"], record["closing_upper_us"], 1)
+    held = with_interval(
+        record["closing_us"], record["closing_lower_us"], record["closing_upper_us"], least_digits("µs")
+    )
     lines = [f"closed {held}"]
-    for at, name, word, digits in ((0, "contact_time", "touch", 1), (2, "impacts", "impacts", 0)):
+    for at, name, word, digits in ((0, "contact_time", "touch", least_digits("µs")), (2, "impacts", "impacts", 0)):
         if name in record:
             found = with_interval(record[name], record[f"{name}_lower"], record[f"{name}_upper"], digits)
             lines.insert(at, f"{word} {found}")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from softclose.digits import least_digits
 from softclose.opening import Opening, Openings
 from softclose_workflows.report.charts import Chart, axis, band, layout, numbers
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.report.section import Given, Section
 from softclose_workflows.run.opening import read_opening
-from softclose_workflows.tell.labels import interval, number, percent, percent_interval, pulse_lines
+from softclose_workflows.tell.labels import estimated, estimated_share, pulse_lines
 
 
 class ReportedOpening(Section[Openings]):
@@ -62,17 +63,21 @@ def rows_of(found: Openings) -> list[dict[str, str]]:
 
     def row(name: str, o: Opening) -> dict[str, str]:
         watched = f"not within the {o.released.times_us[-1]:g} µs simulated (opening.watch_us)"
-        after = watched if math.isinf(o.rest_us) else number(o.rest_us)
+        rest = estimated(o.rest_us, *o.rest_interval, least=least_digits("µs"))
+        rest = (watched, "") if math.isinf(o.rest_us) else rest
+        overshoot = estimated(o.overshoot, *o.overshoot_interval, least=3)
+        rebound = estimated_share(o.p_rebound.estimate, *o.p_rebound.wilson)
+        stuck = estimated_share(o.p_stuck.estimate, *o.p_stuck.wilson)
         return {
             "name": name,
-            "overshoot": number(o.overshoot, 3),
-            "overshoot_interval": interval(*o.overshoot_interval, 3),
-            "rebound": percent(o.p_rebound.estimate, 2),
-            "rebound_interval": percent_interval(*o.p_rebound.wilson, 2),
-            "stuck": percent(o.p_stuck.estimate, 2),
-            "stuck_interval": percent_interval(*o.p_stuck.wilson, 2),
-            "rest": after,
-            "rest_interval": interval(*o.rest_interval) if math.isfinite(o.rest_us) else "",
+            "overshoot": overshoot[0],
+            "overshoot_interval": overshoot[1],
+            "rebound": rebound[0],
+            "rebound_interval": rebound[1],
+            "stuck": stuck[0],
+            "stuck_interval": stuck[1],
+            "rest": rest[0],
+            "rest_interval": rest[1],
         }
 
     rows = [row("the holding pulse falls", found.plain)]
