@@ -178,6 +178,25 @@ def test_csv_holds_the_waveform_at_the_asked_rate(finished_store: Path, tmp_path
     np.testing.assert_allclose(table[:, 1], best_waveform(finished_store).voltage(table[:, 0]), atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "also"),
+    [
+        (("waveform",), ""),
+        (("waveform", "--format", "dac", "--full-scale", "200"), ".json"),
+        (("history",), ""),
+    ],
+)
+def test_what_was_written_is_said_as_every_command_says_it(
+    finished_store: Path, tmp_path: Path, arguments: tuple[str, ...], also: str
+) -> None:
+    target = tmp_path / "out.csv"
+    done = export(finished_store, *arguments, "-o", str(target))
+    assert done.stdout == ""
+    for name in {str(target), f"{target}{also}"}:
+        size = Path(name).stat().st_size
+        assert f"written: {name} ({size / 1e3:.{1 if size < 1e4 else 0}f} kB)\n" in done.stderr
+
+
 @pytest.mark.parametrize("signed", [True, False])
 def test_codes_return_the_waveform_within_half_a_code(finished_store: Path, tmp_path: Path, signed: bool) -> None:
     target = tmp_path / "drive.txt"

@@ -203,6 +203,14 @@ def test_print_holds_every_chart_in_the_light_theme_on_paper_s_width(visit: Visi
     assert page.evaluate("() => [...document.querySelectorAll('.plot .main-svg')].every(s => s.clientWidth <= 700)")
     assert page.evaluate("() => document.querySelector('#fig-convergence text').style.fill") == "rgb(27, 31, 36)"
     assert page.evaluate("() => document.querySelector('details').open")
+    page.emulate_media(media="print")
+    cut = (
+        "() => [...document.querySelectorAll('.wide')].filter(e => e.scrollWidth > e.clientWidth).map(e => e.ariaLabel)"
+    )
+    assert page.evaluate(cut) == []
+    hints = "() => [...document.querySelectorAll('figcaption .screen')].map(e => getComputedStyle(e).display)"
+    assert set(page.evaluate(hints)) == {"none"}
+    page.emulate_media(media="screen")
     page.evaluate("() => dispatchEvent(new Event('afterprint'))")
     page.emulate_media(color_scheme="light")
     assert not page.evaluate("() => document.querySelector('details').open")

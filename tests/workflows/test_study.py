@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,6 +25,7 @@ from softclose_workflows.run.executors import Placement
 from softclose_workflows.studies.series import Effort
 from softclose_workflows.studies.study import StudyResult, cross_evaluate, print_study, run_study
 from softclose_workflows.studies.study_file import FOLDER, load_study
+from softclose_workflows.terminal import READING, STARTING
 from stores import differences
 
 SMALL = (*COARSE, "campaign.budget=3")
@@ -58,6 +61,21 @@ def test_study_certifies_each_value_and_crosses_the_optima(tmp_path: Path) -> No
             too_high = c.best.waveform.max_voltage() > study.values[i] * (1 + 1e-9)
             assert np.isnan(result.cross_g_cm_s[i, j]) == too_high
     assert json.loads((tmp_path / "study.json").read_text())["cross_g_cm_s"][0][0] == result.cross_g_cm_s[0, 0]
+
+
+def test_a_study_is_no_silence_while_kernels_are_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+
+    @contextlib.contextmanager
+    def working(what: str, *, quiet: bool) -> Iterator[None]:
+        shown.append(f"{what}{' quiet' * quiet}")
+        yield
+
+    for module in ("study", "series"):
+        monkeypatch.setattr(f"softclose_workflows.studies.{module}.working", working)
+    study = replace(load_study("u-max", SMALL), values=(100.0, 150.0))
+    run_study(study, tmp_path, replace(EFFORT, quiet=False))
+    assert shown == [READING, STARTING]
 
 
 def _optimum(waveform: Waveform, n_switches: int, seed: int, g: float = 0.0) -> Any:

@@ -537,18 +537,18 @@ def dependence(d: Dependence, i: int, span: tuple[float, float]) -> Chart:
     edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
     return {
         "data": [
-            {"x": x, "y": numbers(d.slice_cm_s[i] - 2.0 * sd), **edge},
-            {"x": x, "y": numbers(d.slice_cm_s[i] + 2.0 * sd), **edge, "fill": "tonexty", "fillcolor": "@best/0.18"},
+            {"x": x, "y": numbers(d.slice_cm_s[i] - 2.0 * sd, 5), **edge},
+            {"x": x, "y": numbers(d.slice_cm_s[i] + 2.0 * sd, 5), **edge, "fill": "tonexty", "fillcolor": "@best/0.18"},
             {
                 "x": x,
-                "y": numbers(d.slice_cm_s[i]),
+                "y": numbers(d.slice_cm_s[i], 5),
                 "mode": "lines",
                 "line": {"color": "@best", "width": 2},
                 "hovertemplate": "%{x:.4g}: %{y:.1f} cm/s<extra>through the smallest g</extra>",
             },
             {
                 "x": x,
-                "y": numbers(d.mean_cm_s[i]),
+                "y": numbers(d.mean_cm_s[i], 5),
                 "mode": "lines",
                 "line": {"color": "@deterministic", "width": 2, "dash": "dash"},
                 "hovertemplate": "%{x:.4g}: %{y:.1f} cm/s<extra>average</extra>",
@@ -586,7 +586,7 @@ def pair(d: Dependence, place: int) -> Chart:
                 "type": "contour",
                 "x": numbers(d.pair_grid[i], 5),
                 "y": numbers(d.pair_grid[j], 5),
-                "z": [numbers(row) for row in d.pair_cm_s[place]],
+                "z": [numbers(row, 5) for row in d.pair_cm_s[place]],
                 "colorscale": "Cividis",
                 "reversescale": True,
                 "ncontours": 18,
