@@ -23,7 +23,9 @@ from scipy.stats import binom
 
 from softclose import Waveform
 from softclose.evaluate import draw, respond
+from softclose.evaluate.scoring import OF_CONTROL, objective_settings
 from softclose.metrics import intervals
+from softclose.metrics.control import LEAST, Control, controlled
 from softclose.metrics.intervals import Interval, unseen_share
 from softclose.metrics.objective import Assessment, Judged, assess
 from softclose.metrics.paired import compare
@@ -227,6 +229,55 @@ def _plain(response: Judged) -> Assessment:
     return assess(response, level=LEVEL, limits_cm_s=())
 
 
+CHEAP: dict[str, Callable[[np.random.Generator, FloatArray], FloatArray]] = {
+    "shifted": lambda rng, v: 0.9 * v + 1.0,
+    "noisy": lambda rng, v: np.maximum(v + rng.standard_normal(v.size), 0.0),
+    "blind above": lambda rng, v: np.minimum(v, 12.0),
+    "unrelated": lambda rng, v: 15.0 + rng.standard_normal(v.size),
+}
+"""V of a cheap model [cm/s] of switches whose costly V is known. It leaves open what the costly one does, four of five,
+and one in two hundred of the others."""
+MANY = 8192
+"""Switches of the cheap model beyond those of the costly one."""
+
+
+def controls(name: str, kind: str, n: int, repetitions: int, seed: int = 0) -> dict[str, tuple[float, float]]:
+    """(coverage, root mean square error over that without) of each figure that a control variate changes."""
+    lot, open_ = LOTS[name], OPEN.get(name, 0.01)
+    truth = {figure: _truth(name)[figure] for figure in ("v_u", "mean V", "p_nc", "g")}
+    rng = np.random.default_rng((seed, n, list(LOTS).index(name), list(CHEAP).index(kind)))
+    held, errors = dict.fromkeys(truth, 0), {figure: np.zeros(2) for figure in truth}
+
+    def both(size: int) -> tuple[Judged, Judged]:
+        v, closed = lot.quantile(rng.random(size)), rng.random(size) >= open_
+        other = np.where(closed, rng.random(size) >= 0.005, rng.random(size) < 0.2)
+        return judged(v, closed), judged(CHEAP[kind](rng, v), other)
+
+    settings = objective_settings(load_config("current"))
+    settings |= {"level": LEVEL, "c1_cm_s": C1_CM_S, "sampling": "monte-carlo", "max_open": 1.0}
+    for _ in range(repetitions):
+        own, same = both(n)
+        plain = assess(own, **settings)
+        found = controlled(plain, own, Control(same=same, many=both(MANY)[1]), **{k: settings[k] for k in OF_CONTROL})
+        ends = (found.v_u_interval, found.mean_interval, found.p_nc_intervals.wilson, found.g_interval)
+        each = [(a.v_u_cm_s, a.mean_cm_s, a.p_nc, a.g_cm_s) for a in (found, plain)]
+        for k, figure in enumerate(truth):
+            held[figure] += holds(ends[k], truth[figure])
+            errors[figure] += [(values[k] - truth[figure]) ** 2 for values in each]
+    return {f: (held[f] / repetitions, math.sqrt(errors[f][0] / max(errors[f][1], 1e-300))) for f in truth}
+
+
+def _print_controls(repetitions: int) -> None:
+    print("\n## A cheap model as control variate: coverage, and the error over that without\n")
+    print("| costly lot | cheap model | n | v_u | mean V | p_nc | g |")
+    print("| --- | --- | ---: | ---: | ---: | ---: | ---: |")
+    for name in LOTS:
+        for kind in CHEAP:
+            for n in (LEAST, 256):
+                cells = [f"{h:.3f}, {e:.2f}" for h, e in controls(name, kind, n, repetitions).values()]
+                print(f"| {name} | {kind} | {n} | " + " | ".join(cells) + " |", flush=True)
+
+
 def proportions(n: int) -> dict[str, tuple[float, float]]:
     """(mean, least) coverage of the three intervals of a proportion, over p from 0.1/n to 1/2, by enumeration."""
     k = np.arange(n + 1)
@@ -350,6 +401,7 @@ def main() -> None:
         ),
         "proportions": _print_proportions,
         "replicated": _print_replicated,
+        "controls": _print_controls,
         "races": lambda r: print(
             "\n## Races\n\n| rare p_nc | hold |\n| ---: | ---: |\n"
             + "\n".join(f"| {rare:g} | {races(rare, r):.3f} |" for rare in (2e-3, 1e-3, 5e-4))

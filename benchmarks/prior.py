@@ -4,9 +4,10 @@
     python benchmarks/prior.py --table prior.jsonl
 
 `led` is the preset: the process from its prior. Its line says too what the prior alone is worth, the best basin
-certified as it is. `process` has no prior; `descents` has no process, and as many trajectories as `led` in all, a
-third of them exploring on 256 switches and the rest polishing on the preset's ensemble. In this process, one candidate
-after the other; the best is certified on fresh switches that no search saw.
+certified as it is. `process` has no prior; `descents` has no process: each has as many trajectories as `led` in all,
+the process by more candidates, descents a third of them exploring on 256 switches and the rest polishing on the
+preset's ensemble. In this process, one candidate after the other; the best is certified on fresh switches that no
+search saw, and so is the best after so many candidates.
 """
 
 from __future__ import annotations
@@ -151,11 +152,11 @@ def overrides(arm: str, config: CampaignConfig) -> list[str]:
     """What makes an arm of a preset."""
     if arm == "led":
         return []
-    if arm == "process":
-        return ["prior.model=none"]
     p, n = config.prior, config.population.n_switches
     looks = (config.campaign.budget - config.optimiser.n_regions) * p.looks * p.n_switches
     total = p.budget * p.n_exploring + p.polish * p.n_switches + looks + config.campaign.budget * n
+    if arm == "process":
+        return ["prior.model=none", f"campaign.budget={total // n}"]
     explore = max(total // 3 // 256 // 20 * 20, 320)
     polish = max((total - 256 * explore) // n, 20)
     return [

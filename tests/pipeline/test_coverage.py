@@ -57,6 +57,13 @@ def test_every_interval_of_a_difference_holds(name: str, n: int) -> None:
             assert held >= LEAST, f"{figure} of {name} at n = {n}: {held:.3f}"
 
 
+@pytest.mark.parametrize("kind", list(coverage.CHEAP))
+@pytest.mark.parametrize("name", ["normal", "lognormal", "slam of 5 %", "gap at the level"])
+def test_every_interval_with_a_control_variate_holds(name: str, kind: str) -> None:
+    for figure, (held, _) in coverage.controls(name, kind, coverage.LEAST, N_REPETITIONS).items():
+        assert held >= LEAST, f"{figure} of {name}, cheap model {kind}: {held:.3f}"
+
+
 @pytest.mark.parametrize("n", [40, 300])
 @pytest.mark.parametrize(("only_a", "only_b"), [(0.1, 0.0), (2.0, 0.0), (4.0, 0.0), (0.5, 0.5), (5.0, 0.5), (8.0, 8.0)])
 def test_a_difference_of_rare_proportions_holds_by_enumeration(n: int, only_a: float, only_b: float) -> None:

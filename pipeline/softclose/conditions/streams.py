@@ -30,6 +30,8 @@ class Ensemble(enum.IntEnum):
     """Lots that a few measured devices may have come from."""
     PRIOR = 7_650_000
     """A search's prior, for its few switches."""
+    CONTROL = 7_920_000
+    """A search's prior, for the many switches of a control variate."""
 
 
 @enum.unique

@@ -19,6 +19,7 @@ from softclose.evaluate.chain import Chain
 from softclose.evaluate.quantities import Closing, Quantity, Value, held_voltages, quantity
 from softclose.evaluate.scoring import score
 from softclose.metrics import replicates
+from softclose.metrics.control import Control
 from softclose.metrics.intervals import NO_INTERVAL, normal_quantile
 from softclose.metrics.objective import Assessment, Response
 from softclose.metrics.ranking import rank_cm_s
@@ -172,7 +173,14 @@ def _terms(config: CampaignConfig) -> list[_Term]:
     return [*(_Term(name=name, weight=weight) for name, weight in sorted(o.weights.items())), *limits]
 
 
-def weighed(config: CampaignConfig, response: Response, a: Assessment, *, fresh: bool = False) -> Assessment:
+def weighed(
+    config: CampaignConfig,
+    response: Response,
+    a: Assessment,
+    *,
+    fresh: bool = False,
+    control: Control | None = None,
+) -> Assessment:
     """An assessment with what else the campaign weighs in g.
 
     Each weight adds its quantity times itself; each limit adds a penalty in proportion to how far it is passed, and
@@ -185,7 +193,7 @@ def weighed(config: CampaignConfig, response: Response, a: Assessment, *, fresh:
     if not terms:
         return a
     sure = 1.0 - (1.0 - a.confidence) / (1 + len(terms))
-    strict = score(config, response, fresh=fresh, confidence=sure)
+    strict = score(config, response, fresh=fresh, control=control, confidence=sure)
     values = {**told(config, response, strict, fresh=fresh), **_of_the_lot(terms, strict)}
     g, feasible = a.g_cm_s, a.feasible
     low, high = strict.g_interval

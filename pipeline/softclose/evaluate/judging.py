@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from softclose.evaluate.asked import weighed
 from softclose.evaluate.respond import respond
 from softclose.evaluate.scoring import score
+from softclose.metrics.control import Control
 from softclose.metrics.objective import Assessment, Response
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
@@ -37,6 +38,11 @@ def judge(config: CampaignConfig, response: Response, *, fresh: bool = False) ->
         Where the campaign weighs or limits a quantity that the response does not tell.
     """
     return weighed(config, response, score(config, response, fresh=fresh), fresh=fresh)
+
+
+def judge_with(config: CampaignConfig, response: Response, control: Control) -> Assessment:
+    """The same of a campaign's own switches, with what a cheap model says of them as control variate."""
+    return weighed(config, response, score(config, response, control=control), control=control)
 
 
 def evaluate(

@@ -4,17 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
+from softclose.metrics.control import Control, controlled
 from softclose.metrics.objective import Assessment, Response, assess
 from softclose.settings import CampaignConfig
 
 
-def score(config: CampaignConfig, response: Response, *, fresh: bool = False, **changes: Any) -> Assessment:
+def score(
+    config: CampaignConfig, response: Response, *, fresh: bool = False, control: Control | None = None, **changes: Any
+) -> Assessment:
     """Eqs. 7-11 of a response.
 
-    fresh: independent random draws, whatever the campaign trains on; changes: to the arguments of `assess`.
+    fresh: independent random draws, whatever the campaign trains on; control: what the prior says of the same switches
+    and of many more; changes: to the arguments of `assess`.
     """
     settings = objective_settings(config) | changes
-    return assess(response, **(settings | {"sampling": "monte-carlo"} if fresh else settings))
+    if fresh:
+        settings |= {"sampling": "monte-carlo"}
+    found = assess(response, **settings)
+    if control is None:
+        return found
+    return controlled(found, response, control, **{name: settings[name] for name in OF_CONTROL})
+
+
+OF_CONTROL = ("form", "c1_cm_s", "chance_penalty_cm_s", "p_max", "assured", "sampling")
+"""Settings of an assessment that it has with a control variate too."""
 
 
 def objective_settings(config: CampaignConfig) -> dict[str, Any]:

@@ -107,7 +107,7 @@ def prior_config(config: CampaignConfig) -> CampaignConfig:
         reduced_order_model=config.reduced_order_model if p.model == REDUCED_ORDER else {},
         waveform=replace(config.waveform, initial=()),
         opening=type(config.opening)(),
-        prior=replace(p, model=NO_PRIOR),
+        prior=replace(p, model=NO_PRIOR, control=0),
         explore=replace(config.explore, budget=p.budget, n_descents=p.n_descents, rounds=p.rounds, turns=1),
         finish=replace(
             config.finish,

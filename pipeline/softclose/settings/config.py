@@ -27,6 +27,7 @@ from softclose.conditions.temperature import TemperatureSection
 from softclose.conditions.trim import TrimSection
 from softclose.device.cost import PLAIN_S, fewest_rows, seconds_a_trajectory
 from softclose.device.options import options_of
+from softclose.metrics.control import LEAST
 from softclose.naming import nearest
 from softclose.plugins import ENGINES, MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, ModelError, load_object
 from softclose.population import Population, load_population
@@ -53,6 +54,9 @@ from softclose.waveform import Waveform
 
 WRITTEN_OUT = ("population_model", "reduced_order_model")
 """What no user writes: files, as they were read."""
+
+MANY_TIMES = 8
+"""Cheap switches of a control variate for each costly one, at least: fewer know the lot hardly better."""
 
 LED_BY_PRIOR = "skopt"
 """The engine that starts from a prior."""
@@ -181,6 +185,8 @@ class CampaignConfig:
         return self.prior.is_there and self.optimiser.engine == LED_BY_PRIOR and self.campaign.budget > 0
 
     def _check_prior(self) -> None:
+        if self.prior.control:
+            self._check_control()
         if not self.has_prior:
             return
         if self.prior.model == MEASURED:
@@ -195,6 +201,26 @@ class CampaignConfig:
                 f"optimiser.n_regions is {self.optimiser.n_regions}, and campaign.budget leaves {left} candidates for "
                 "them: raise campaign.budget, use fewer regions, or set prior.model to none"
             )
+
+    def _check_control(self) -> None:
+        n = self.population.n_switches
+        clashes = {
+            "no search of this campaign starts from a prior (prior.model, optimiser.engine, campaign.budget)": (
+                not self.has_prior
+            ),
+            "devices are measured, whose parameters nobody knows": self.model.name == MEASURED,
+            "one Sobol sample has no interval by which to see whether it pays: use replicated or monte-carlo": (
+                self.population.sampling == "sobol"
+            ),
+            "it says nothing of the tail that objective.risk cvar weighs: use quantile": self.objective.risk == "cvar",
+            f"population.n_switches is {n}, of which a regression says too little: use {LEAST} or more": n < LEAST,
+            f"it has to be many times population.n_switches {n}: use {MANY_TIMES * n} or more": (
+                self.prior.control < MANY_TIMES * n
+            ),
+        }
+        for why, there in clashes.items():
+            if there:
+                raise ValueError(f"prior.control is {self.prior.control}, and {why}; or leave it 0")
 
     def _check_opening(self) -> None:
         release = self.opening.release_us

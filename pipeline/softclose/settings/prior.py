@@ -41,6 +41,9 @@ class PriorSection:
     """Waveforms that are tried on all of the prior's switches: eight basins again, then steps of the best of them."""
     looks: Annotated[int, Field(ge=4, le=100_000, strict=True)] = 60
     """Waveforms that are tried on the prior for each candidate that the process proposes."""
+    control: Annotated[int, Field(ge=0, le=MAX_COUNT, strict=True)] = 0
+    """Further switches on which the prior tells how a costly simulator's few differ from the lot (control variate):
+    thousands, where every switch of the campaign counts; 0: its figures are those of its own switches alone."""
 
     @property
     def is_there(self) -> bool:

@@ -72,6 +72,7 @@ class LayoutDocument(Document):
     columns: Annotated[list[ColumnEntry], Field(min_length=1, max_length=MOST_COLUMNS)]
     designs: Annotated[list[ColumnEntry], Field(max_length=MOST_COLUMNS)]
     asked: Annotated[list[ColumnEntry], Field(max_length=MOST_COLUMNS)]
+    told: Annotated[list[ColumnEntry], Field(max_length=MOST_COLUMNS)] = []
     cases: Annotated[list[CaseEntry], Field(max_length=MOST_COLUMNS)]
     n_modes: Annotated[int, Field(ge=1, le=1_000)]
     table_chunk: Annotated[int, Field(ge=1, le=MOST_TABLE_CHUNK)] | None = None

@@ -221,15 +221,22 @@ def asked_fields(asked: Sequence[PopulationColumn]) -> tuple[Field, ...]:
     )
 
 
+def told_fields(told: Sequence[PopulationColumn]) -> tuple[Field, ...]:
+    """What a record says beside its figures: one number each."""
+    return tuple(Field(name=q.name, unit=q.unit, long_name=q.long_name) for q in told)
+
+
 def number_fields(
     n_pulses: int,
     limits_cm_s: Sequence[float],
     designs: Sequence[PopulationColumn] = (),
     asked: Sequence[PopulationColumn] = (),
+    told: Sequence[PopulationColumn] = (),
 ) -> tuple[Field, ...]:
     """Columns of the table of records, in order: the proposal's first, one for each pulse parameter and each limit.
 
-    designs: nominal values that the search may change; asked: further quantities of switches and drives.
+    designs: nominal values that the search may change; asked: further quantities of switches and drives; told: what is
+    said of a candidate beside its figures.
     """
     pulses = [
         Field(
@@ -242,7 +249,7 @@ def number_fields(
         replace(field, name=f"{field.name}_{text}", long_name=f"{field.long_name}, limit {text} cm/s", per_limit=False)
         if field.per_limit
         else field
-        for field in (*RESULTS, *asked_fields(asked))
+        for field in (*RESULTS, *asked_fields(asked), *told_fields(told))
         for text in (limit_texts(limits_cm_s) if field.per_limit else [""])
     ]
     nominal = [

@@ -25,6 +25,7 @@ from softclose_store.schema.fields import (
     PopulationColumn,
     asked_fields,
     number_fields,
+    told_fields,
 )
 
 MAX_BLOCKS = 256
@@ -173,6 +174,8 @@ class Layout:
     """Nominal values that a candidate may have of its own."""
     asked: tuple[PopulationColumn, ...] = ()
     """Further quantities that are kept of every switch, and told of every candidate."""
+    told: tuple[PopulationColumn, ...] = ()
+    """What is said of every candidate beside its figures, one number each."""
     cases: tuple[CaseColumn, ...] = ()
     """What tells the cases apart in which each switch is simulated, one value a case; none: there is one case."""
     n_modes: int = 1
@@ -199,6 +202,7 @@ class Layout:
         _check_names("the population", [column.name for column in self.columns], least=1)
         _check_names("the design of a candidate", [column.name for column in self.designs])
         _check_names("what is asked of a switch", [column.name for column in self.asked], taken=_TAKEN)
+        _check_names("what is told of a candidate", [column.name for column in self.told], taken=_TAKEN)
         _check_names("a case", [column.name for column in self.cases], taken=STAGE_NAMES)
         if len({len(column.values) for column in self.cases}) > 1 or any(not c.values for c in self.cases):
             raise LayoutError(f"the cases are {self.cases}; each column has one value a case, as many as the others")
@@ -296,12 +300,12 @@ class Layout:
     @property
     def fields(self) -> tuple[Field, ...]:
         """Columns of the table of records."""
-        return number_fields(self.n_pulses, self.limits_cm_s, self.designs, self.asked)
+        return number_fields(self.n_pulses, self.limits_cm_s, self.designs, self.asked, self.told)
 
     @property
     def results(self) -> tuple[Field, ...]:
         """What an assessment says of a candidate."""
-        return (*RESULTS, *asked_fields(self.asked))
+        return (*RESULTS, *asked_fields(self.asked), *told_fields(self.told))
 
     @property
     def quantities(self) -> tuple[Field, ...]:
@@ -352,7 +356,7 @@ class Layout:
 
     def to_dict(self) -> dict[str, Any]:
         """The layout as JSON values, without the time grid, which is an array."""
-        data = {
+        data: dict[str, Any] = {
             "stages": [asdict(stage) for stage in self.stages],
             "n_times": int(self.times_us.size),
             "max_impacts": self.max_impacts,
@@ -364,6 +368,8 @@ class Layout:
             "cases": [[c.name, c.unit, c.long_name, list(c.values)] for c in self.cases],
             "n_modes": self.n_modes,
         }
+        if self.told:
+            data["told"] = [[c.name, c.unit, c.long_name] for c in self.told]
         return data if self.table_chunk == self._equal_parts else data | {"table_chunk": self.table_chunk}
 
     @classmethod
@@ -385,6 +391,7 @@ class Layout:
             columns=tuple(PopulationColumn(*column) for column in data["columns"]),
             designs=tuple(PopulationColumn(*column) for column in data["designs"]),
             asked=tuple(PopulationColumn(*column) for column in data["asked"]),
+            told=tuple(PopulationColumn(*column) for column in data.get("told", ())),
             cases=tuple(CaseColumn(name, unit, meaning, tuple(v)) for name, unit, meaning, v in data["cases"]),
             table_chunk=data.get("table_chunk", 0),
             **{name: data[name] for name in kept},

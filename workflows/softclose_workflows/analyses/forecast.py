@@ -20,14 +20,17 @@ takes a second a switch is asked for three."""
 
 
 def prior_trajectories(config: CampaignConfig) -> int:
-    """Trajectories on the prior, in every case that it has: those of its descents, and what the process looks at; 0
-    without one."""
+    """Trajectories on the prior, in every case that it has: those of its descents, what the process looks at, and those
+    of a control variate; 0 without one."""
     if not config.has_prior:
         return 0
     cheap = prior_config(config)
     led = sum(w.size for w in plan(Problem(config)) if w.stage == SEARCH and w.index > 0)
     of_descents = sum(w.size * w.n_switches for w in plan(Problem(cheap)))
-    return cheap.n_cases * (of_descents + led * looks_of(config) * config.prior.n_switches)
+    of_looks = led * looks_of(config) * config.prior.n_switches
+    control = config.prior.control
+    of_control = sum(w.size * (w.n_switches + control) for w in plan(Problem(config))) if control else 0
+    return cheap.n_cases * (of_descents + of_looks + of_control)
 
 
 def switch_s(config: CampaignConfig, waveform: Waveform) -> float:

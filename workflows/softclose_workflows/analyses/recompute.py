@@ -26,8 +26,9 @@ from softclose_workflows.analyses.certification import CertifyError
 from softclose_workflows.analyses.certify import certify_again
 from softclose_workflows.analyses.kept_certificates import keep_again
 from softclose_workflows.run import actuations, records, releases
+from softclose_workflows.run.controlled import GAIN, controlling_of, first_wave
 from softclose_workflows.run.creation import population_columns
-from softclose_workflows.run.flight import joined_asked
+from softclose_workflows.run.flight import controlled_record, joined_asked
 from softclose_workflows.run.opening import candidate_of, designed_opening, keep_releases
 from softclose_workflows.run.prior import GROUP, PriorOfStore, basins_again
 from softclose_workflows.run.tasks import compute_block, rows_of, times_us
@@ -176,20 +177,31 @@ def _block(store: DriverStore, stage: str, row: int, column: int) -> dict[str, N
 def _record(store: DriverStore, i: int) -> dict[str, Any]:
     """The result of one candidate, from the blocks that hold it."""
     config = CampaignConfig.from_dict(store.config)
+    response = _response(store, i)
+    controlling = controlling_of(config, Lot(store.population), {GAIN: np.empty(0)})
+    if controlling is None:
+        found = judge(config, response)
+        return records.assessment_record(found, told(config, response, found))
+    waveforms = store.records()["waveform"]
+    first = [(Waveform.from_rows(waveforms[k]), _response(store, k)) for k in range(first_wave(config))]
+    controlling.decide([(waveform, r) for waveform, r in first if (r.status >= 0).all()])
+    return controlled_record(controlling, Waveform.from_rows(waveforms[i]), response, is_first=i < len(first))
+
+
+def _response(store: DriverStore, i: int) -> Judged:
+    """What the switches of a candidate did, from the blocks that hold it."""
     stage, local = store.layout.stage_of(i)
     n_switches = int(store.records()["n_switches"][i])
     row = local // stage.block_candidates
     parts = [store.read_assessed(stage.name, row, column, n_switches) for column in range(stage.blocks_of(n_switches))]
     at = local - stage.candidates(row).start
-    response = Judged(
+    return Judged(
         max_contact_speed=np.concatenate([part["max_contact_speed"][at] for part in parts]),
         closed=np.concatenate([part["closed"][at] for part in parts]).astype(np.bool_),
         status=np.concatenate([part["status"][at] for part in parts]),
         settling_us=np.concatenate([part["settling"][at] for part in parts]),
         asked=joined_asked([part["asked"][at] for part in parts if "asked" in part]),
     )
-    found = judge(config, response)
-    return records.assessment_record(found, told(config, response, found))
 
 
 def _group(path: str, name: str, attributes: Mapping[str, Any] | None) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from softclose.evaluate import judge
 from softclose.evaluate.touching import contacts
 from softclose.metrics.open_kinds import open_kinds
 from softclose.population.lot import Lot
@@ -13,6 +12,7 @@ from softclose_workflows.analyses.hold import Held, hold_warning, holds_on
 from softclose_workflows.analyses.opening import opening_words
 from softclose_workflows.analyses.references import beaten_lines, missing_lines, simulate_references
 from softclose_workflows.errors import Stopped
+from softclose_workflows.run.controlled import judge_as
 from softclose_workflows.run.opening import read_opening
 from softclose_workflows.run.records import assessment_record, value_record
 from softclose_workflows.tell.plain import waveform_rows
@@ -37,10 +37,13 @@ def print_result(path: str) -> None:
     switches = Lot(campaign.population()).rows(slice(best.n_switches))
     record = {name: values[best.candidate] for name, values in campaign.records().items()}
     response = campaign.responses(best.candidate)
-    found = judge(config, response)
+    found = judge_as(campaign, Waveform.from_rows(best.waveform), response)
     kind = interval_kinds(config.objective.confidence, best.n_switches, config.population.sampling).removesuffix(".")
     references = simulate_references(config, switches)
-    judged = {name: (design, r, judge(config, r)) for name, (design, r) in references.responses.items()}
+    judged = {
+        name: (design, r, judge_as(campaign, design, r, for_everybody=True))
+        for name, (design, r) in references.responses.items()
+    }
     print_designs(
         f"{config.campaign.name}: {campaign.committed:,} candidates, {best.n_switches:,} switches",
         [

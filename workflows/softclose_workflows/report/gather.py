@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softclose.arrays import FloatArray
-from softclose.evaluate import judge
 from softclose.evaluate.pieces import Mapper, here
 from softclose.metrics.objective import CM_S
 from softclose.population.lot import Lot
@@ -36,6 +35,7 @@ from softclose_workflows.report.data import (
 from softclose_workflows.report.section import Given
 from softclose_workflows.report.sections import found_in
 from softclose_workflows.report.shapes import shares, speed_edges
+from softclose_workflows.run.controlled import judge_as
 from softclose_workflows.run.records import observations
 from softclose_workflows.tell import labels
 from softclose_workflows.tell.standing import changes_of
@@ -212,25 +212,24 @@ def _designs(
     """The best candidate and the reference designs on the same switches; which of these are missing, and why."""
     if best is None:
         return (), {}
-    responses = campaign.responses(best)
+    responses, waveform = campaign.responses(best), Waveform.from_rows(campaign.waveform(best))
     n = len(responses.max_contact_speed)
     designs = [
         Design.of(
             responses,
-            judge(config, responses),
+            judge_as(campaign, waveform, responses),
             name=BEST,
             role="best",
-            waveform=Waveform.from_rows(campaign.waveform(best)),
+            waveform=waveform,
             traces=_traces(
                 campaign, best, responses, campaign.population()["D"][:N_BEST_TRACES], _step(config.store.n_times, 250)
             ),
         )
     ]
     references = simulate_references(config, Lot(campaign.population()).rows(slice(n)), mapper)
-    for name, (waveform, r) in reversed(references.responses.items()):
-        designs.append(
-            Design.of(r, judge(config, r), name=reference_name(name, waveform), role=name, waveform=waveform)
-        )
+    for name, (reference, r) in reversed(references.responses.items()):
+        found = judge_as(campaign, reference, r, for_everybody=True)
+        designs.append(Design.of(r, found, name=reference_name(name, reference), role=name, waveform=reference))
     return tuple(designs), references.missing
 
 

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field
 
 from softclose.evaluate.asked import asked
 from softclose.plugins import MEASURED, EngineError
+from softclose.population.lot import Lot
 from softclose.propose.origins import FALLBACK
 from softclose.propose.plan import plan
 from softclose.propose.promises import PriorError, PriorHelp
@@ -25,6 +26,7 @@ from softclose.waveform import Waveform
 from softclose_store import DriverStore, StoreError
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run import records
+from softclose_workflows.run.controlled import Controlling, controlling_of
 from softclose_workflows.run.executors import Executor
 from softclose_workflows.run.executors.protocol import Event
 from softclose_workflows.run.faults import Retries
@@ -107,6 +109,8 @@ class Driver:
     config: CampaignConfig = field(init=False)
     waves: tuple[Wave, ...] = field(init=False)
     _proposer: Proposer = field(init=False)
+    _controlling: Controlling | None = field(init=False)
+    """Who judges candidates by the prior too; None: nobody."""
     _asked: list[str] = field(init=False)
     """Further quantities that candidates are asked for."""
     _history: list[Observation] = field(init=False, default_factory=list)
@@ -126,7 +130,9 @@ class Driver:
         self.waves = plan(problem)
         self._proposer = Proposer(problem, by_hand=records.by_hand(self.store.by_hand(), self.store.layout))
         self._asked = [q.name for q in asked(self.config)]
-        self._observe(records.observations(self.store.records()))
+        stored = self.store.records()
+        self._controlling = controlling_of(self.config, Lot(self.store.population), stored)
+        self._observe(records.observations(stored))
 
     def _prior(self) -> PriorHelp:
         """Who evaluates the prior: the executor, or this process where devices stand in its place."""
@@ -305,7 +311,10 @@ class Driver:
         """Assess the wave from what came back, and make it part of the campaign."""
         flight = self._flights[w]
         began = time.perf_counter()
-        rows = flight.rows(self.config)
+        try:
+            rows = flight.rows(self.config, self._controlling)
+        except PriorError as e:
+            raise Stopped(f"wave {w} could not be judged: {e}") from e
         assessed = time.perf_counter()
         try:
             self.store.commit(rows, flight.markers)

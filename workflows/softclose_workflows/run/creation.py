@@ -19,6 +19,7 @@ from softclose.switch.plate import EPSILON_0, V_STICK
 from softclose.waveform.spaces import SPACES
 from softclose_store import CaseColumn, Constant, Layout, PopulationColumn, StoreError, create_campaign
 from softclose_workflows.run.blocks import stage_layouts
+from softclose_workflows.run.controlled import GAIN, GAIN_IN_WORDS
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import times_us
 
@@ -95,6 +96,7 @@ def layout_of(config: CampaignConfig) -> Layout:
         cases=case_columns(config),
         n_modes=config.n_modes,
         asked=tuple(PopulationColumn(q.name, q.unit, q.long_name) for q in asked(config)),
+        told=(PopulationColumn(GAIN, "1", GAIN_IN_WORDS),) if config.prior.control else (),
     )
 
 

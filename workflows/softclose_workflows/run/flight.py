@@ -15,15 +15,20 @@ from softclose.device.status import reasons
 from softclose.evaluate import judge
 from softclose.evaluate.asked import told
 from softclose.evaluate.quantities import Value
-from softclose.metrics.objective import MAX_FAILED, MISSING, Judged
+from softclose.metrics.objective import MAX_FAILED, MISSING, Assessment, Judged
 from softclose.propose.protocol import Proposal, Wave
 from softclose.settings import CampaignConfig
+from softclose.waveform import Waveform
 from softclose_store import Layout, assessed_digest, proposals_digest
 from softclose_workflows.run import records
+from softclose_workflows.run.controlled import GAIN, Controlling
 from softclose_workflows.run.tasks import BlockResult, BlockTask, rows_of
 
 Place = tuple[int, int]
 """Row and column of a block in its stage."""
+
+Share = tuple[BlockResult, int]
+"""A result, and the place of a candidate in it."""
 
 
 @dataclass(slots=True)
@@ -64,38 +69,66 @@ class Flight:
             raise ValueError(f"the result of {task.name} is not what its worker stored: it was damaged on its way")
         self.results[task.place] = result
 
-    def rows(self, config: CampaignConfig) -> list[dict[str, Any]]:
-        """The wave's records, in the order of its candidates."""
-        return [self._row(config, i, proposal) for i, proposal in enumerate(self.proposals)]
+    def rows(self, config: CampaignConfig, controlling: Controlling | None = None) -> list[dict[str, Any]]:
+        """The wave's records, in the order of its candidates.
 
-    def _row(self, config: CampaignConfig, i: int, proposal: Proposal) -> dict[str, Any]:
-        parts = [
+        controlling: who judges them by the prior too, where the campaign has it so. Raises PriorError.
+        """
+        parts = [self._parts(i) for i in range(len(self.proposals))]
+        responses = [None if self._failures(own) else self._response(own) for own in parts]
+        if controlling is not None and controlling.is_used is None:
+            told_ = zip(self.proposals, responses, strict=True)
+            controlling.decide([(p.waveform, response) for p, response in told_ if response is not None])
+        rows = []
+        for proposal, own, response in zip(self.proposals, parts, responses, strict=True):
+            timings = {
+                "wall_propose_s": self.propose_s / self.wave.size,
+                "wall_simulate_s": sum(result.simulate_s / len(result.status) for result, _ in own),
+            }
+            if response is None:
+                found = records.failed_record(self._failures(own)[0])
+            elif controlling is None:
+                found = judged_record(config, response)
+            else:
+                found = controlled_record(controlling, proposal.waveform, response, is_first=self.wave.index == 0)
+            rows.append(records.proposal_record(proposal) | found | timings)
+        return rows
+
+    def _parts(self, i: int) -> list[Share]:
+        """The results that hold a candidate of the wave, and its place in each."""
+        return [
             (result, local)
             for place in sorted(self.results)
             for result, task in [(self.results[place], self.tasks[place])]
             if 0 <= (local := self.wave.start + i - task.first) < len(task.waveforms)
         ]
-        failed = [result.failures[local] for result, local in parts if local in result.failures]
-        timings = {
-            "wall_propose_s": self.propose_s / self.wave.size,
-            "wall_simulate_s": sum(result.simulate_s / len(result.status) for result, _ in parts),
-        }
-        proposed = records.proposal_record(proposal)
-        if failed:
-            return proposed | records.failed_record(failed[0]) | timings
-        response = Judged(
+
+    @staticmethod
+    def _failures(parts: Sequence[Share]) -> list[str]:
+        return [result.failures[local] for result, local in parts if local in result.failures]
+
+    @staticmethod
+    def _response(parts: Sequence[Share]) -> Judged:
+        return Judged(
             max_contact_speed=np.concatenate([result.max_contact_speed[local] for result, local in parts]),
             closed=np.concatenate([result.closed[local] for result, local in parts]),
             status=np.concatenate([result.status[local] for result, local in parts]),
             settling_us=np.concatenate([result.settling_us[local] for result, local in parts]),
             asked=joined_asked([result.asked[local] for result, local in parts if result.asked is not None]),
         )
-        return proposed | judged_record(config, response) | timings
 
 
-def judged_record(config: CampaignConfig, response: Judged) -> dict[str, Any]:
-    """The record of what a candidate's switches did."""
-    found = judge(config, response)
+def controlled_record(
+    controlling: Controlling, waveform: Waveform, response: Judged, *, is_first: bool
+) -> dict[str, Any]:
+    """The same with what the prior adds; is_first: in the first wave, by which it is seen whether it pays."""
+    found, gained = controlling.judged(waveform, response, is_first=is_first)
+    return judged_record(controlling.campaign, response, found) | {GAIN: gained}
+
+
+def judged_record(config: CampaignConfig, response: Judged, found: Assessment | None = None) -> dict[str, Any]:
+    """The record of what a candidate's switches did; found: its assessment, where it is not that of these alone."""
+    found = judge(config, response) if found is None else found
     values = told(config, response, found)
     record = records.assessment_record(found, values)
     if math.isnan(found.g_cm_s):
