@@ -10,6 +10,7 @@ import pytest
 
 from softclose.metrics import replicates
 from softclose.metrics.control import LEAST, Control, controlled, gain, pays
+from softclose.metrics.intervals import student_quantile
 from softclose.metrics.objective import MISSING, Assessment, Judged, assess
 from softclose.settings import ConfigError, load_config
 
@@ -78,6 +79,15 @@ def test_a_share_is_that_of_a_regression_on_the_cheap_figures() -> None:
         Control(same=judged(cheap, cheap_closed), many=judged(many, many_closed)),
     )
     assert found.p_nc == pytest.approx(columns(many, many_closed).mean(axis=0) @ slopes, abs=1e-9)
+    # Its error, as if each switch were left out, two more than was seen on which the models differ, and that of the many.
+    own = columns(cheap, cheap_closed)
+    free = 1.0 - np.einsum("ij,ij->i", own @ np.linalg.inv(own.T @ own), own)
+    left = (1.0 - closed - own @ slopes) / free
+    of_many = slopes @ np.cov(columns(many, many_closed).T) @ slopes / 5000
+    error = math.sqrt((left @ left + 2.0) / (150 * 145) + of_many)
+    low, high = found.p_nc_intervals.wilson
+    assert high - found.p_nc == pytest.approx(student_quantile(0.95, 145) * error, rel=1e-6)
+    assert low == pytest.approx(max(2.0 * found.p_nc - high, 0.0))
 
 
 def test_a_cheap_model_that_has_nothing_to_do_with_it_does_not_pay() -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from softclose.arrays import FloatArray
 from softclose.metrics import intervals, replicates
 from softclose.metrics.intervals import Interval
-from softclose.metrics.joined import reach
+from softclose.metrics.joined import joint, reach
 from softclose.metrics.limit import limit_on
 from softclose.metrics.objective import (
     CM_S,
@@ -134,8 +134,11 @@ def controlled(
     if not math.isfinite(v_u):
         return a
     below = np.asarray(contact * (a.level - (v <= v_u)), dtype=np.float64)
-    half = sample.student * sample.error(below, unseen=1.0) / touching
+    seen, half = (sample.student * sample.error(below, unseen=unseen) / touching for unseen in (0.0, 1.0))
     v_u_interval = quantile(a.level - half), quantile(a.level + half)
+    around = ordered[(ordered >= v_u_interval[0]) & (ordered <= v_u_interval[1])]
+    step = float(np.ptp(around)) / around.size  # it is one of the costly speeds, however well the level is known
+    v_u_se = math.hypot(0.5 * (quantile(a.level + seen) - quantile(a.level - seen)) / sample.student, step)
     mean = float(sample.weights @ v) / touching
     low, high = sample.about(mean, contact * (v - mean) / touching)
     open_ = (~closed).astype(np.float64)
@@ -147,16 +150,17 @@ def controlled(
     def penalty(p: float) -> float:
         return penalty_cm_s(p, form=form, c1_cm_s=c1_cm_s, chance_penalty_cm_s=chance_penalty_cm_s, p_max=p_max)
 
+    p_se = penalty(p_nc + sample.error(open_)) - penalty(p_nc)
     g = v_u + penalty(p_high if assured and form == "chance" else p_nc)
     association = sample.correlation(below, open_)
-    jump = float(np.diff(ordered[(ordered >= v_u_interval[0]) & (ordered <= v_u_interval[1])]).max(initial=0.0))
+    jump = float(np.diff(around).max(initial=0.0))
     down = reach(v_u - v_u_interval[0], penalty(p_nc) - penalty(p_low), association, jump)
     up = reach(v_u_interval[1] - v_u, penalty(p_high) - penalty(p_nc), association, jump)
     found = replace(
         a,
         g_cm_s=g,
         g_interval=(g - down, g + up),
-        g_se_cm_s=0.5 * (down + up) / sample.student if math.isfinite(up) else a.g_se_cm_s,
+        g_se_cm_s=joint(v_u_se, p_se, association) if math.isfinite(v_u_se) else a.g_se_cm_s,
         rank_cm_s=rank_cm_s(g, p_nc, a.max_open),
         v_u_cm_s=v_u,
         v_u_interval=v_u_interval,
