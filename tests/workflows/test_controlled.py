@@ -165,7 +165,9 @@ def test_the_forecast_counts_its_trajectories() -> None:
     assert prior_trajectories(config) - prior_trajectories(without) == 10 * (96 + 1024)
 
 
-@pytest.mark.parametrize(("gains", "used"), [([0.95, 0.97, 0.2, 0.2, 0.2], False), ([0.5, 0.8, 1.3, 1.3, 1.3], True), ([], None)])
+@pytest.mark.parametrize(
+    ("gains", "used"), [([0.95, 0.97, 0.2, 0.2, 0.2], False), ([0.5, 0.8, 1.3, 1.3, 1.3], True), ([], None)]
+)
 def test_what_was_decided_by_the_first_wave_stays(gains: list[float], used: bool | None, whole: Path) -> None:
     campaign = open_campaign(whole)
     config = CampaignConfig.from_dict(campaign.config)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softclose.metrics.control import pays
+from softclose.metrics.control import PAYS, pays
 from softclose_workflows.analyses.distinct import APART_V
 from softclose_workflows.report.data import ReportData
 from softclose_workflows.report.shapes import best_so_far
@@ -176,7 +176,7 @@ def _control(data: ReportData) -> Check | None:
     said = (
         f"With the prior on the same and on {count(data.config.prior.control)} further switches as control variate, "
         f"the standard error of g was {percent(float(np.median(known)), 0)} of that without it (median of the first "
-        "wave)"
+        f"wave; {percent(PAYS, 0)} or less is asked for)"
     )
     used = "g, v_u, the mean speed and the share left open of every candidate rest on both models."
     said += f": {used}" if pays(gains.tolist()) else ": that does not pay, and no figure uses it."
