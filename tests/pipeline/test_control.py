@@ -79,7 +79,7 @@ def test_a_share_is_that_of_a_regression_on_the_cheap_figures() -> None:
         Control(same=judged(cheap, cheap_closed), many=judged(many, many_closed)),
     )
     assert found.p_nc == pytest.approx(columns(many, many_closed).mean(axis=0) @ slopes, abs=1e-9)
-    # Its error, as if each switch were left out, two more than was seen on which the models differ, and that of the many.
+    # Its error: as if each switch were left out, the models differing on two more than was seen, and that of the many.
     own = columns(cheap, cheap_closed)
     free = 1.0 - np.einsum("ij,ij->i", own @ np.linalg.inv(own.T @ own), own)
     left = (1.0 - closed - own @ slopes) / free
