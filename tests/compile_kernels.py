@@ -20,7 +20,7 @@ import numpy as np
 from examples import is_whole
 from small_campaigns import FINISHED, make_campaign
 from softclose import Losses, Pulse, ReducedOrder, Waveform, simulate
-from softclose.switch.reduced_order import Mode
+from softclose.switch.reduced_order import Capacitance, Mode
 from softclose.waveform import Delivered, Fitted, Trace
 
 MEAN = np.array([[2.43, 3.68, 65.3, 3.41]])
@@ -31,11 +31,17 @@ DRIVES = {
     "samples": Fitted.of(Trace(np.linspace(0.0, 20.0, 21), np.linspace(0.0, 50.0, 21)), 0.1),
 }
 MODES = tuple(Mode(frequency_kHz=20.0 * (k + 1), electrode=0.8**k) for k in range(3))
+CAPACITANCE = Capacitance(gap_um=3.68, polynomial_fF=(40.0, 11.0, 2.0), valid_um=(-3.0, 3.6))
 LOSSES = {
     "none": {},
     "Q": {"losses": Losses(quality_factor=20.0)},
     "film": {"losses": Losses(film_viscosity_uPa_s=1.0)},
     "cubic": {"modes": ReducedOrder(mode=(Mode(frequency_kHz=20.0, cubic_per_um2=0.1),))},
+    "table": {"modes": ReducedOrder(mode=MODES[:1], capacitance=CAPACITANCE)},
+    "table, film": {
+        "modes": ReducedOrder(mode=MODES[:1], capacitance=CAPACITANCE),
+        "losses": Losses(film_viscosity_uPa_s=1.0),
+    },
     "slip": {"losses": Losses(film_viscosity_uPa_s=1.0, film_mean_free_path_um=0.1)},
     "two modes": {"modes": ReducedOrder(mode=MODES[:2])},
     "two modes, film": {"modes": ReducedOrder(mode=MODES[:2]), "losses": Losses(film_viscosity_uPa_s=1.0)},

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,6 +44,8 @@ class ModalSwitch:
     """Thickness over permittivity of a dielectric."""
     free_path: float = 0.0
     """Mean free path of the film's gas."""
+    slope: Callable[[float], float] | None = None
+    """dC/dx [fF/µm] over the electrode's displacement; None: parallel plates."""
     impacts: list[tuple[float, float]] = field(default_factory=list)
     final: float = math.nan
     ending: str = ""
@@ -60,7 +63,8 @@ class ModalSwitch:
             u = float(waveform.voltage(np.array([t]))[0])
             slip = 1.0 + 9.638 * (self.free_path / left) ** 1.159
             film = self.film * (self.electrode @ p) / left**3 / slip
-            pull = 0.5e3 * EPS0 * self.area_um2 * (u / (left + self.coat)) ** 2 - film
+            plates = 1e9 * EPS0 * self.area_um2 / (left + self.coat) ** 2
+            pull = 0.5e-6 * u**2 * (self.slope(self.G - left) if self.slope else plates) - film
             springs = self.stiffnesses * (q + self.cubic * q**3)
             generalised = self.electrode * pull - springs - self.masses * self.rates * p
             if touching and self.compliance is not None:

@@ -38,16 +38,18 @@ def test_the_series_are_what_their_generator_writes():
     assert generate_series.DRIVE.read_text(encoding="utf-8") == generate_series.render_drive()
     assert generate_series.MODES.read_text(encoding="utf-8") == generate_series.render_modes()
     assert generate_series.SHAPED.read_text(encoding="utf-8") == generate_series.render_shaped()
+    assert generate_series.TABLE.read_text(encoding="utf-8") == generate_series.render_table()
 
 
 def test_the_cached_code_is_keyed_by_the_source_of_all_kernel_files():
     # numba keys its cache by what a function closes over, not by the files of the functions that it calls.
     for film in (False, True):
-        block = taylor.block(form=3, lossy=True, film=film, shaped=False)
+        block = taylor.block(form=3, lossy=True, film=film, shaped=False, table=False)
         function = getattr(block, "py_func", block)
         closed_over = dict(zip(function.__code__.co_freevars, function.__closure__, strict=True))
         values = {name: cell.cell_contents for name, cell in closed_over.items()}
-        assert values == {"source": source.fingerprint(), "form": 3, "lossy": True, "film": film, "shaped": False}
+        known = {"form": 3, "lossy": True, "film": film, "shaped": False, "table": False}
+        assert values == {"source": source.fingerprint()} | known
 
 
 def test_the_series_of_the_motion_match_finite_differences():

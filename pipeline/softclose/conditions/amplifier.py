@@ -22,7 +22,10 @@ from softclose.conditions.protocol import Condition, Coordinate, Surroundings, U
 from softclose.conditions.streams import Stream
 from softclose.device.drives import Drives, product
 from softclose.population.lot import Lot
-from softclose.waveform import AnyDrive, Delivered, Pulse, Trace, Waveform
+from softclose.waveform import AnyDrive, Delivered, Pieced, Pulse, Waveform
+from softclose.waveform.fewest import fewest
+from softclose.waveform.slew import limited
+from softclose.waveform.steps import stepped
 
 _LEAST = 0.05
 """Least gain or period of a clock over the nominal one: normal errors have no end, drives do."""
@@ -51,7 +54,7 @@ class AmplifierSection:
     resolution_us: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Time between two voltages of the generator, each of which is held [µs]; 0: none."""
     step_us: Annotated[float, Field(gt=0, le=1)] = 0.05
-    """Step in which all this is computed [µs]."""
+    """Longest part of a curve that is a parabola where polynomials are fitted to many steps [µs]."""
     gain_error: Annotated[float, Field(ge=0, le=0.2)] = 0.0
     """Relative standard deviation of the gain from one switch's drive to the next."""
     time_error: Annotated[float, Field(ge=0, le=0.2)] = 0.0
@@ -91,13 +94,6 @@ class AmplifierSection:
         return self.gain_error > 0.0 or self.time_error > 0.0
 
 
-TOLERANCE_VOLTS = 1e-2
-"""Samples of a delivered waveform that lines through the others meet to this are left out [V].
-
-On twelve waveforms through 50 kHz V moves by 0.0005 to 0.010 cm/s in the median, by 0.04 for one switch in a hundred;
-1 mV would bring that to 0.001 with three times as many lines, each a step of the kernel."""
-
-
 UNLIMITED_kHz = 1e6
 """Bandwidth that stands for none where drives are scaled switch by switch behind an amplifier: 0.2 ns late."""
 
@@ -119,9 +115,10 @@ def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float, 
 
     Returns
     -------
-    Waveform, Delivered or Trace
-        Pulses where it delivers pulses, their closed form behind a low-pass; else sampled in steps of
-        `amplifier.step_us`, without the samples that lines through the others meet to 10 mV.
+    Waveform, Delivered, Pieced or Fitted
+        Pulses where it delivers pulses; else a closed form: steps, cosines and lines, and what a low-pass makes of
+        them. Where a generator's steps make that many pieces, polynomials that have the area of them, if those are
+        fewer.
     """
     a = amplifier
     gain *= a.gain
@@ -130,48 +127,18 @@ def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float, 
         return Waveform([*pulses, Pulse(0.0, 0.0, math.inf, a.offset_volts)] if a.offset_volts else pulses)
     if a.has_closed_form and a.bandwidth_kHz:
         return behind_low_pass(a, waveform, gain)
-    n = math.ceil(horizon_us / a.step_us)
-    t: FloatArray = a.step_us * np.arange(n + 1, dtype=np.float64)
-    command = t - a.delay_us
-    if a.resolution_us > 0.0:
-        command = a.resolution_us * np.floor(command / a.resolution_us + 1e-9)
-    u = np.where(command >= 0.0, waveform.voltage(np.maximum(command, 0.0)), 0.0)
-    if a.resolution_volts > 0.0:
-        u = a.resolution_volts * np.round(u / a.resolution_volts)
-    u = gain * u + a.offset_volts
-    jumps, left = _jumps(a, waveform, t, u)
+    flat = stepped(waveform, a.resolution_us, a.resolution_volts, horizon_us)
+    flat[0][:, 2] *= gain
+    flat[2][..., 0] *= gain
     if a.slew_volts_per_us > 0.0:
-        u = _slewed(u, a.slew_volts_per_us * a.step_us, a.offset_volts, left)
-    elif a.bandwidth_kHz > 0.0:
-        # Lines between the samples spread a jump over its step: with its area kept, the error is of second order.
-        u = u + (left - 0.5) * jumps
+        flat = limited(*flat, a.slew_volts_per_us)
     if a.bandwidth_kHz > 0.0:
-        u = a.offset_volts + _low_pass(a, u - a.offset_volts)
-    return Trace(t, u).simplified(TOLERANCE_VOLTS)
+        return fewest(behind_low_pass(a, Pieced(*flat), 1.0), horizon_us, a.step_us)
+    return fewest(Pieced(*flat).later(a.delay_us, a.offset_volts, horizon_us), horizon_us, a.step_us)
 
 
-def _jumps(a: AmplifierSection, waveform: Waveform, t: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n,) by how much the command jumps in the step that ends at each sample [V], and what part of the step is left.
-
-    It jumps at the ideal edges of pulses, and with a resolution in time at every sample. Without a jump: 0 and 1.
-    """
-    jumps, left = np.zeros(t.size), np.ones(t.size)
-    left[0] = 0.0  # at rest until 0
-    if a.resolution_us > 0.0:
-        return np.diff(u, prepend=a.offset_volts), np.zeros(t.size)
-    for pulse in waveform.pulses:
-        if pulse.rise_us == 0.0:
-            for edge, volts in ((pulse.start_us, pulse.volts), (pulse.end_us, -pulse.volts)):
-                late = edge + a.delay_us
-                i = int(np.searchsorted(t, late))
-                if i < t.size:
-                    jumps[i] += a.gain * volts
-                    left[i] = min(left[i], (t[i] - late) / a.step_us)
-    return jumps, left
-
-
-def behind_low_pass(a: AmplifierSection, waveform: Waveform, gain: float) -> Delivered:
-    """What is delivered of pulses in closed form; without a bandwidth of its own, by one of `UNLIMITED_kHz`."""
+def behind_low_pass(a: AmplifierSection, waveform: Waveform | Pieced, gain: float) -> Delivered:
+    """What is delivered in closed form; without a bandwidth of its own, by one of `UNLIMITED_kHz`."""
     return Delivered(
         command=waveform,
         bandwidth_kHz=a.bandwidth_kHz or UNLIMITED_kHz,
@@ -181,42 +148,6 @@ def behind_low_pass(a: AmplifierSection, waveform: Waveform, gain: float) -> Del
         offset_volts=a.offset_volts,
         delay_us=a.delay_us,
     )
-
-
-def _slewed(u: FloatArray, most: float, first: float, part: FloatArray) -> FloatArray:
-    """Follow u by at most so much a step, from `first` on; of a step with a jump, by what is left of it behind it.
-
-    part: (n,) as `_jumps` has it; 0: the step before still had the sample before as its goal.
-    """
-    if np.abs(np.diff(u, prepend=first)).max() <= most and u[0] == first and (part[1:] == 1.0).all():
-        return u
-    found = np.empty_like(u)
-    at = before = first
-    for i, (goal, left) in enumerate(zip(u.tolist(), part.tolist(), strict=True)):
-        if left < 1.0:  # what the limiter still owed when the command jumped
-            owed = most * (1.0 - left)
-            at += min(max(before - at, -owed), owed)
-        room = most * left
-        at += min(max(goal - at, -room), room)
-        found[i], before = at, goal
-    return found
-
-
-def _low_pass(a: AmplifierSection, u: FloatArray) -> FloatArray:
-    """The low-pass from rest, exact where its input is lines between the samples ("first-order hold")."""
-    from scipy.signal import cont2discrete, lfilter
-
-    corner = 2.0 * math.pi * 1e-3 * a.bandwidth_kHz  # [1/µs]
-    if a.order == 1:
-        num, den = [1.0], [1.0 / corner, 1.0]
-    else:
-        z = a.damping
-        # |H| = 1/sqrt(2) at the corner: with w = corner / natural, w^4 + (4 z^2 - 2) w^2 - 1 = 0
-        ratio = math.sqrt(1.0 - 2.0 * z * z + math.sqrt((1.0 - 2.0 * z * z) ** 2 + 1.0))
-        natural = corner / ratio
-        num, den = [1.0], [1.0 / natural**2, 2.0 * z / natural, 1.0]
-    b, c, _ = cont2discrete((num, den), a.step_us, method="foh")
-    return np.asarray(lfilter(np.atleast_1d(np.squeeze(b)), c, u))
 
 
 def normal_quantiles(u: FloatArray) -> FloatArray:

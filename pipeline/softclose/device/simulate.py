@@ -182,9 +182,9 @@ def simulate(
     ----------
     switches : Lot or (n, 4) array-like of float64
         Columns D [µm], G [µm], K [N/m], M [µg].
-    waveform : Waveform, Delivered, Fitted, Trace or (n_pulse, 4) ndarray of float64
-        The drive voltage; an array has rows of start, rise, flat top [µs] and volts, as stores keep them. A
-        trace takes a step for each of its samples (`Fitted.of`, `Trace.simplified`).
+    waveform : Waveform, Delivered, Pieced, Fitted, Trace or (n_pulse, 4) ndarray of float64
+        The drive voltage; an array has rows of start, rise, flat top [µs] and volts, as stores keep them. Of a
+        trace with many samples polynomials are simulated that have the same area (`Fitted.of`).
     horizon_us : float
         End of the simulation [µs].
     restitution : float or (n,) ndarray

@@ -18,8 +18,7 @@ from softclose.kernel.bounces import MAX_RETURNS
 from softclose.switch.losses import SLIP, SLIP_EXPONENT, Losses
 from softclose.switch.plate import EPSILON_0, V_STICK
 from softclose.switch.reduced_order import ONE_MODE, ReducedOrder
-from softclose.waveform import AnyDrive, Delivered, Fitted
-from softclose.waveform.flat import flatten_pulses
+from softclose.waveform import AnyDrive, Delivered
 from softclose.waveform.lowpass import room
 from softclose.waveform.scales import Scales
 
@@ -93,9 +92,14 @@ def shaped_columns(
     v_stick: float,
     scales: Scales | None,
 ) -> FloatArray:
-    """(n, 12): `columns`, and cubic stiffness per mass [1/(µm² µs²)], dielectric [µm] and slip of one mode."""
-    out = np.empty((len(switches), 12))
+    """(n, 13): `columns`, and cubic stiffness per mass [1/(µm² µs²)], dielectric [µm], slip, and displacements of the
+    table of capacitance over those of the switch; with a table, c is what its slopes [fF/µm] are multiplied by."""
+    out = np.empty((len(switches), 13))
     out[:, :9] = columns(switches, plate_area_um2, restitution, losses, v_stick, scales)
+    out[:, 12] = modes.capacitance.gap_um / switches[:, 1] if modes.capacitance else 1.0
+    if modes.capacitance is not None:
+        out[:, 2] = 0.5e-6 * out[:, 12] ** 2 / switches[:, 3]
+        out[:, 2] *= 1.0 if scales is None else (scales.volts * scales.times) ** 2
     ratios = modes.ratios()[0]
     own = np.sqrt(1e-3 * switches[:, 2] / switches[:, 3]) * ratios[2]
     damping = np.broadcast_to(np.asarray(losses.damping_ratio), (len(switches),))
@@ -140,21 +144,40 @@ def in_series(modes: ReducedOrder | None, losses: Losses) -> bool:
     """Whether a switch has a Taylor kernel.
 
     One mode (None, or one whose electrode is its contact), which may stretch, over a dielectric, behind a film that may
-    slip; or two linear ones, plates, an electrode that is or is not the contact. Contacts are rigid.
+    slip, with a table of capacitances or a cubic of it; or two linear ones, plates, an electrode that is or is not the
+    contact. Contacts are rigid.
     """
     if modes is None:
         return True
-    if modes.capacitance is not None or modes.contact is not None:
+    if modes.contact is not None:
         return False
     if len(modes.mode) == 1:
-        return modes.mode[0].electrode == modes.mode[0].contact
-    if len(modes.mode) != two_modes.N_MODES or losses.slips or modes.dielectric is not None:
+        cells = modes.capacitance is None or len(modes.capacitance.slope()[1]) <= N_SLOPES
+        return cells and modes.mode[0].electrode == modes.mode[0].contact
+    if len(modes.mode) != two_modes.N_MODES or losses.slips or modes.dielectric is not None or modes.capacitance:
         return False
     if modes.ratios()[:, 5].any():
         return False
     (ca, ea), (cb, eb) = ((m.contact, m.electrode) for m in modes.mode)
     apart = abs(ea * cb - eb * ca) / (math.hypot(ca, cb) * math.hypot(ea, eb))
     return apart > _APART or apart < 0.1 * two_modes.TOGETHER
+
+
+N_SLOPES = 3
+"""Coefficients of dC/dx in a cell of a table, as the Taylor kernel has them."""
+
+
+def _cells(modes: ReducedOrder | None) -> tuple[FloatArray, FloatArray]:
+    """Knots and slopes of a table of capacitances; empty where there is none."""
+    if modes is None or modes.capacitance is None:
+        return np.zeros(0), np.zeros((N_SLOPES, 0))
+    knots, slopes = modes.capacitance.slope()
+    if slopes.shape[1] == 1:  # about 0, no cell's lower end
+        about = np.poly1d(slopes[:, 0])(np.poly1d([1.0, knots[0]]))
+        slopes = np.asarray(np.poly1d(about).coeffs)[:, None]
+    padded = np.zeros((N_SLOPES, slopes.shape[1]))
+    padded[N_SLOPES - len(slopes) :] = slopes
+    return knots, padded
 
 
 _APART = 1e-4
@@ -190,13 +213,13 @@ _NO_ROOM = (np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros((0, 0, 4)))
 def _ways(drive: AnyDrive, horizon_us: float, scales: Scales | None) -> tuple[int, tuple[Any, ...], tuple[Any, ...]]:
     """Form and flat form of a drive, and the path and scales of `taylor.run_block`."""
     if not isinstance(drive, Delivered):
-        form = drive_pieces.POLYNOMIAL if isinstance(drive, Fitted) else drive_pieces.COSINES
-        return form, drive_pieces.flatten(drive, horizon_us), (np.zeros(0), np.ones((1, 3)))
+        flat = drive_pieces.flatten(drive, horizon_us)
+        return flat[2].shape[2], flat, (np.zeros(0), np.ones((1, 3)))
     rows = np.array([[1.0, drive.delay_us, drive.offset_volts]])
     if scales is not None and ((scales.times != 1.0).any() or drive.offset_volts != 0.0):
         # In the times and volts of the command, which c and k account for, it is the way that differs.
         rows = np.stack([scales.times, drive.delay_us / scales.times, drive.offset_volts / scales.volts], axis=1)
-    return drive_pieces.DECAYING, flatten_pulses(drive.command, horizon_us), (drive.path(horizon_us), rows)
+    return drive_pieces.DECAYING, drive.flat_command(horizon_us), (drive.path(horizon_us), rows)
 
 
 def _samples(x: NDArray[Any], v: NDArray[Any]) -> tuple[NDArray[Any], ...]:
@@ -306,7 +329,8 @@ def run(
             table = columns(switches, plate_area_um2, restitution, losses, v_stick, scales)
         film = bool(np.any(losses.film_viscosity_uPa_s))
         form, flat, way = _ways(drive, horizon_us, scales)
-        block = taylor.block(form=form, lossy=shaped or losses.moving, film=film, shaped=shaped)
+        knots, slopes = _cells(modes)
+        block = taylor.block(form=form, lossy=shaped or losses.moving, film=film, shaped=shaped, table=bool(len(knots)))
         samples = _samples(out.x, out.v)
         peaks = np.empty((n if shaped else 1, 1))
         if modes is not None:
@@ -318,6 +342,8 @@ def run(
                 lo,
                 hi,
                 table,
+                knots,
+                slopes,
                 np.empty((3, MAX_RETURNS)),
                 *flat,
                 *way,

@@ -25,6 +25,14 @@ from softclose.kernel.shaped_series import (
     short_shaped_driven,
     short_shaped_film_driven,
 )
+from softclose.kernel.table_series import (
+    short_table_driven,
+    short_table_film_driven,
+    table_constant,
+    table_driven,
+    table_film_constant,
+    table_film_driven,
+)
 
 
 @njit(error_model="numpy", inline="always")
@@ -91,10 +99,16 @@ def short(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f
 
 
 @njit(error_model="numpy", inline="always")
-def steady_shaped(film, u, x, v, gap, c, k, d, f, shape):  # type: ignore[no-untyped-def]
-    """Taylor coefficients of x where u is constant; shape: cubic stiffness, dielectric and slip."""
+def steady_shaped(film, table, u, x, v, gap, c, k, d, f, shape, cell):  # type: ignore[no-untyped-def]
+    """Taylor coefficients of x where u is constant; shape: cubic stiffness, dielectric and slip; cell: of a table."""
     cubic, coat, slip = shape
-    if film:
+    if table:
+        origin, q0, q1, q2 = cell
+        if film:
+            series = table_film_constant(x, v, u, gap, k, d, cubic, origin, q0, q1, q2, f, slip)
+        else:
+            series = table_constant(x, v, u, gap, k, d, cubic, origin, q0, q1, q2)
+    elif film:
         series = shaped_film_constant(x, v, u, gap, c, k, d, cubic, coat, f, slip)
     else:
         series = shaped_constant(x, v, u, gap, c, k, d, cubic, coat)
@@ -102,14 +116,22 @@ def steady_shaped(film, u, x, v, gap, c, k, d, f, shape):  # type: ignore[no-unt
 
 
 @njit(error_model="numpy", inline="always")
-def expand_shaped(form, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape):  # type: ignore[no-untyped-def]
-    """Taylor coefficients of x about t on piece i; shape: cubic stiffness, dielectric and slip."""
+def expand_shaped(  # type: ignore[no-untyped-def]
+    form, film, table, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape, cell
+):
+    """Taylor coefficients of x about t on piece i; shape and cell as in `steady_shaped`."""
     cubic, coat, slip = shape
     if n_ramps[i] == 0:
-        series = steady_shaped(film, pieces[i, 2], x, v, gap, c, k, d, f, shape)
+        series = steady_shaped(film, table, pieces[i, 2], x, v, gap, c, k, d, f, shape, cell)
     else:
         u = drive_series(form, pieces, n_ramps, ramps, i, t)
-        if film:
+        if table:
+            origin, q0, q1, q2 = cell
+            if film:
+                series = table_film_driven(x, v, u, gap, k, d, cubic, origin, q0, q1, q2, f, slip)
+            else:
+                series = table_driven(x, v, u, gap, k, d, cubic, origin, q0, q1, q2)
+        elif film:
             series = shaped_film_driven(x, v, u, gap, c, k, d, cubic, coat, f, slip)
         else:
             series = shaped_driven(x, v, u, gap, c, k, d, cubic, coat)
@@ -117,11 +139,19 @@ def expand_shaped(form, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, 
 
 
 @njit(error_model="numpy", inline="always")
-def short_shaped(form, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape):  # type: ignore[no-untyped-def]
+def short_shaped(  # type: ignore[no-untyped-def]
+    form, film, table, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape, cell
+):
     """The first few Taylor coefficients of x about t on piece i, which is not constant."""
     cubic, coat, slip = shape
     u = drive_series(form, pieces, n_ramps, ramps, i, t)
-    if film:
+    if table:
+        origin, q0, q1, q2 = cell
+        if film:
+            series = short_table_film_driven(x, v, u, gap, k, d, cubic, origin, q0, q1, q2, f, slip)
+        else:
+            series = short_table_driven(x, v, u, gap, k, d, cubic, origin, q0, q1, q2)
+    elif film:
         series = short_shaped_film_driven(x, v, u, gap, c, k, d, cubic, coat, f, slip)
     else:
         series = short_shaped_driven(x, v, u, gap, c, k, d, cubic, coat)

@@ -16,6 +16,7 @@ LOSSY = Path(__file__).with_name("lossy_series.py")
 DRIVE = Path(__file__).with_name("drive_series.py")
 MODES = Path(__file__).with_name("modes_series.py")
 SHAPED = Path(__file__).with_name("shaped_series.py")
+TABLE = Path(__file__).with_name("table_series.py")
 ORDER = 16
 """Degree of the Taylor polynomial of x."""
 TERMS = 12
@@ -91,6 +92,19 @@ x'' = c s² - k x - cubic x³ - d x' - f w with s = u / (G + coat - x): a beam t
 film whose gas slips w g(h) = x' with g = h³ + slip h^(3 - a), h = G - x the film's thickness and a = {exponent}: powers
 of a series, and a quotient, have recurrences as products do. slip: `softclose.switch.losses.SLIP` times the mean free
 path to the power a; 0: g = h³.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softclose.kernel.series import _FAST
+'''
+TABLE_HEADER = '''\
+"""Owns the power series of a switch whose capacitance is a table. Written by generate_series.py.
+
+x'' = p u² - k x - cubic x³ - d x' - f w, where p is a parabola within a cell of the table, g0 + g1 z + g2 z² with
+z = x - origin, and w the film's of `shaped_series`.
 """
 
 from __future__ import annotations
@@ -234,15 +248,33 @@ def lossy_flight(driven: bool, film: bool, order: int, prefix: str = "", given: 
     )
 
 
+_POWER = 3.0 - SLIP_EXPONENT
+
+
+def slipping_begins() -> list[str]:
+    """Of a film that slips the series at 0: h, its square a, slip h^power e and what divides x', w = x' / g."""
+    lines = ["    h0 = gap - x0", "    i0 = 1.0 / h0", "    a0 = h0 * h0"]
+    return [*lines, f"    e0 = slip * h0**{_POWER!r}", "    j0 = 1.0 / (h0 * a0 + e0)", "    w0 = x1 * j0"]
+
+
+def slipping(n: int) -> list[str]:
+    """Its n-th coefficients. Sums run over x_j, whose sign is h's turned: h = h0 - x1 t - x2 t² - ..."""
+    inner = [f"x{j} * x{n - j}" for j in range(1, n)]
+    lines = [statement(f"a{n}", [f"-2.0 * h0 * x{n}", *inner])]
+    lines.append(statement("b", [f"h0 * a{n}", *(f"-x{j} * a{n - j}" for j in range(1, n + 1))]))
+    each = [f"{((_POWER + 1.0) * j - n) / n!r} * x{j} * e{n - j}" for j in range(1, n + 1)]
+    lines.append(statement(f"e{n}", each, head="-i0 * "))
+    lines.append(f"    g{n} = b + e{n}")
+    each = [f"{float(n + 1)} * x{n + 1}", *(f"-g{j} * w{n - j}" for j in range(1, n + 1))]
+    return [*lines, statement(f"w{n}", each, head="j0 * ")]
+
+
 def shaped_flight(driven: bool, film: bool, order: int, prefix: str = "", given: int | None = None) -> str:
-    """Cubic stiffness and a dielectric always; with `film` one that may slip. Sums run over x_j, whose sign is h's
-    turned: h = h0 - x1 t - x2 t² - ..."""
-    power = 3.0 - SLIP_EXPONENT
+    """Cubic stiffness and a dielectric always; with `film` one that may slip."""
     lines = [unpack_drive(order, given or order)] if driven else []
     lines += ["    r0 = 1.0 / (gap + coat - x0)", "    z1 = x1 * r0", f"    s0 = {'u0' if driven else 'u'} * r0"]
     if film:
-        lines += ["    h0 = gap - x0", "    i0 = 1.0 / h0", "    a0 = h0 * h0"]
-        lines += [f"    e0 = slip * h0**{power!r}", "    j0 = 1.0 / (h0 * a0 + e0)", "    w0 = x1 * j0"]
+        lines += slipping_begins()
     for n in range(order - 1):
         scale = 1.0 / ((n + 1) * (n + 2))
         if n:
@@ -252,14 +284,7 @@ def shaped_flight(driven: bool, film: bool, order: int, prefix: str = "", given:
         lines.append(statement(f"y{n}", square("x", n)))
         lines.append(statement("m", [f"y{j} * x{n - j}" for j in range(n + 1)]))
         if n and film:
-            inner = [f"x{j} * x{n - j}" for j in range(1, n)]
-            lines.append(statement(f"a{n}", [f"-2.0 * h0 * x{n}", *inner]))
-            lines.append(statement("b", [f"h0 * a{n}", *(f"-x{j} * a{n - j}" for j in range(1, n + 1))]))
-            each = [f"{((power + 1.0) * j - n) / n!r} * x{j} * e{n - j}" for j in range(1, n + 1)]
-            lines.append(statement(f"e{n}", each, head="-i0 * "))
-            lines.append(f"    g{n} = b + e{n}")
-            each = [f"{float(n + 1)} * x{n + 1}", *(f"-g{j} * w{n - j}" for j in range(1, n + 1))]
-            lines.append(statement(f"w{n}", each, head="j0 * "))
+            lines += slipping(n)
         lines.append(f"    force = 2.0 * c * q - k * x{n} - 2.0 * cubic * m" + (f" - f * w{n}" if film else ""))
         lines.append(f"    x{n + 2} = force * {scale!r} - d * x{n + 1} * {1.0 / (n + 2)!r}")
         if n + 2 < order - 1:
@@ -269,6 +294,36 @@ def shaped_flight(driven: bool, film: bool, order: int, prefix: str = "", given:
     at = "where u has the coefficients u[0..]" if driven else "at constant u"
     doc = f"Coefficients 0..{'SHORT' if prefix else 'ORDER'} of x{', behind a film' if film else ''}, {at}."
     return function(name, "x0, x1, u, gap, c, k, d, cubic, coat" + (", f, slip" if film else ""), doc, lines)
+
+
+def table_flight(driven: bool, film: bool, order: int, prefix: str = "", given: int | None = None) -> str:
+    """The film's g_n are called as in `slipping`; the parabola's coefficients q0, q1, q2."""
+    lines = [unpack_drive(order, given or order)] if driven else []
+    lines += ["    z0 = x0 - origin", "    p0 = q0 + z0 * (q1 + q2 * z0)", "    q2 += q2"]
+    lines += slipping_begins() if film else []
+    if not driven:
+        lines.append("    v0 = u * u")
+    for n in range(order - 1):
+        if driven:
+            lines.append(statement("v", square("u", n)))
+            lines.append(f"    v{n} = v + v")
+        if n:
+            terms = [term.replace("x0", "z0") for term in square("x", n)]
+            lines.append(statement("m", terms))
+            lines.append(f"    p{n} = q1 * x{n} + q2 * m")
+        pull = [f"p{j} * v{n - j}" for j in range(n + 1)] if driven else [f"p{n} * v0"]
+        lines.append(statement("pull", pull))
+        lines.append(statement(f"y{n}", square("x", n)))
+        lines.append(statement("m", [f"y{j} * x{n - j}" for j in range(n + 1)]))
+        lines += slipping(n) if n and film else []
+        scale = 1.0 / ((n + 1) * (n + 2))
+        lines.append(f"    force = pull - k * x{n} - 2.0 * cubic * m" + (f" - f * w{n}" if film else ""))
+        lines.append(f"    x{n + 2} = force * {scale!r} - d * x{n + 1} * {1.0 / (n + 2)!r}")
+    lines.append(pack(xs(order)))
+    name = prefix + ("table_film" if film else "table") + ("_driven" if driven else "_constant")
+    at = "where u has the coefficients u[0..]" if driven else "at constant u"
+    doc = f"Coefficients 0..{'SHORT' if prefix else 'ORDER'} of x{', behind a film' if film else ''}, {at}."
+    return function(name, "x0, x1, u, gap, k, d, cubic, origin, q0, q1, q2" + (", f, slip" if film else ""), doc, lines)
 
 
 def two(film: bool, order: int) -> str:
@@ -530,9 +585,18 @@ def render_shaped(order: int = ORDER, short: int = SHORT) -> str:
     return SHAPED_HEADER.format(exponent=SLIP_EXPONENT) + "".join(flights)
 
 
+def render_table(order: int = ORDER, short: int = SHORT) -> str:
+    """The module of tables of capacitance, short bounces too."""
+    both = (False, True)
+    flights = [table_flight(driven, film, order) for film in both for driven in both]
+    flights += [table_flight(True, film, short, "short_", order) for film in both]
+    return TABLE_HEADER + "".join(flights)
+
+
 if __name__ == "__main__":
     TARGET.write_text(render(), encoding="utf-8")
     LOSSY.write_text(render_lossy(), encoding="utf-8")
     DRIVE.write_text(render_drive(), encoding="utf-8")
     MODES.write_text(render_modes(), encoding="utf-8")
     SHAPED.write_text(render_shaped(), encoding="utf-8")
+    TABLE.write_text(render_table(), encoding="utf-8")

@@ -2,36 +2,50 @@
 
 One set of arrays, and three kinds of terms, told apart by how many numbers a row of `ramps` has (`form`):
 
-* `COSINES`: amplitude, angular frequency, origin of amplitude cos(omega (t - origin)): pulses, and lines;
+* `COSINES`: amplitude, angular frequency, origin of amplitude cos(omega (t - origin)): pulses, and lines, which are the
+  middle of a long one;
 * `DECAYING`: the same and a decay, amplitude exp(-decay (t - begin)) cos(omega (t - origin)): what a low-pass delivers;
-* `POLYNOMIAL`: one coefficient, row k that of (t - middle of the piece)^(k + 1): what is sampled.
+* `POLYNOMIAL`: one coefficient, row k that of (t - middle of the piece)^(k + 1): samples, of which
+  many are one polynomial.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
 
 from softclose.arrays import FloatArray, IntArray
-from softclose.waveform import AnyDrive, Delivered, Fitted, Trace
-from softclose.waveform.flat import SNAP_US, flatten_pulses
+from softclose.waveform import AnyDrive, Fitted, Trace, Waveform
+from softclose.waveform.fitted import MANY
+from softclose.waveform.flat import SNAP_US, flatten_pulses, line_term
 from softclose.waveform.lowpass import deliver_flat
 
 COSINES, DECAYING, POLYNOMIAL = 3, 4, 1
 
-_LINE = 1e-5
-"""Half a line's length in the angle of the cosine that stands for it: (1e-5)²/6 of its rise is left, as is rounding."""
+_PAYS = 6
+"""Lines that a polynomial has to take the place of: what follows noise takes several steps."""
 
 
 def flatten(drive: AnyDrive, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
     """The flat form of a drive: pieces (n_piece, 3) start, end [µs], constant [V]; number of terms; terms."""
     if isinstance(drive, Trace):
-        return flatten_lines(drive, horizon_us)
-    if isinstance(drive, Delivered | Fitted):
-        return drive.flat(horizon_us)
-    return flatten_pulses(drive, horizon_us)
+        lines = flatten_lines(drive, horizon_us)
+        if len(lines[0]) <= MANY:
+            return lines
+        fitted = _fitted(drive.times_us.tobytes(), drive.volts.tobytes()).flat(horizon_us)
+        return fitted if _PAYS * len(fitted[0]) <= len(lines[0]) else lines
+    if isinstance(drive, Waveform):
+        return flatten_pulses(drive, horizon_us)
+    return drive.flat(horizon_us)
+
+
+@lru_cache(maxsize=64)
+def _fitted(times_us: bytes, volts: bytes) -> Fitted:
+    """Of a trace: the same one comes to a kernel again and again."""
+    return Fitted.of(Trace(np.frombuffer(times_us), np.frombuffer(volts)))
 
 
 def flatten_lines(trace: Trace, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -46,12 +60,9 @@ def flatten_lines(trace: Trace, horizon_us: float) -> tuple[FloatArray, IntArray
     knots, u = knots[long_enough], u[long_enough]
     knots[0] = 0.0
     begin, end = knots[:-1], knots[1:]
-    middle, rise = 0.5 * (begin + end), np.diff(u)
     pieces = np.stack([begin, end, 0.5 * (u[:-1] + u[1:])], axis=1)
-    sloping = rise != 0.0
-    omega = 2.0 * _LINE / (end - begin)
-    # -amplitude cos(omega (t - middle) + pi/2) = amplitude sin(omega (t - middle)), amplitude = slope / omega
-    ramps = np.stack([-rise / (2.0 * _LINE), omega, middle - 0.5 * math.pi / omega], axis=1)
+    sloping = u[1:] != u[:-1]
+    ramps = np.stack(line_term(begin, end, u[:-1], u[1:]), axis=1)
     return pieces, sloping.astype(np.int64), np.ascontiguousarray(ramps[:, None, :])
 
 

@@ -27,6 +27,8 @@ _FILES = (
     "taylor",
     "modes_series",
     "shaped_series",
+    "table_series",
+    "cells",
     "two_modes",
     "modal",
 )

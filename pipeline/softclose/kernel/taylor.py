@@ -15,6 +15,7 @@ from numba import njit
 
 from softclose.compiled import cached_njit
 from softclose.kernel.bounces import learn, predict, symmetric_flight
+from softclose.kernel.cells import cell_at, depth_of, hold_of, leaves, parabola
 from softclose.kernel.contact import NONE, UNDECIDED, first_contact
 from softclose.kernel.drive_series import SHORT, short_return
 from softclose.kernel.expansion import expand, expand_shaped, short, short_shaped, steady, steady_shaped
@@ -27,7 +28,7 @@ from softclose.kernel.source import UNCOUNTED, fingerprint
 from softclose.kernel.step import radius, step_size
 from softclose.switch.losses import SLIP_EXPONENT
 
-WORK_LIMIT = 1
+WORK_LIMIT, LEFT_TABLE = 1, 3
 _SAFETY = 4.0
 """The last terms kept may be this much above the tolerance [1 µm/µs]: the first ones dropped are a quarter of them."""
 _RELEASE_STEP_US = 0.5
@@ -43,13 +44,15 @@ def _run_switch(  # type: ignore[no-untyped-def]
     shaped,
     travel,
     gap,
-    c,
+    c_or_scale,
     k,
     restitution,
     d,
     f,
     adhesion,
     shape,
+    table,
+    cells,
     memo,
     pieces,
     n_ramps,
@@ -60,10 +63,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
     max_steps,
     times,
     row,
-    x64,
-    v64,
-    x32,
-    v32,
+    samples,
     event_row,
     impact_time,
     impact_speed,
@@ -71,9 +71,13 @@ def _run_switch(  # type: ignore[no-untyped-def]
     """One trajectory. Returns (V, first contact, settling, impacts, x, v, held, status) and the largest |x| until the
     first impact, which is told where `shaped`; fills the given rows.
 
-    form, lossy, film, shaped: known when this is compiled, so that what they leave out is no code. shape: cubic
-    stiffness per mass [1/(µm² µs²)], dielectric [µm] and slip, read where `shaped`, which is always lossy.
+    form, lossy, film, shaped, table: known when this is compiled, so that what they leave out is no code. shape: cubic
+    stiffness per mass [1/(µm² µs²)], dielectric [µm] and slip, read where `shaped`, which is always lossy. cells: knots
+    and slopes of a table, which is always shaped, and what displacements are multiplied by in it. samples: x64, v64,
+    x32 and v32.
     """
+    knots, slopes, shrink = cells
+    x64, v64, x32, v32 = samples
     tolerance = _SAFETY * rtol
     near = 0.3 * math.sqrt(rtol)
     t, x, v = 0.0, 0.0, 0.0
@@ -86,6 +90,13 @@ def _run_switch(  # type: ignore[no-untyped-def]
         left, stiff = gap + coat - travel, k + cubic * travel * travel  # to the electrode; of the spring, in contact
     else:
         left, stiff = gap - travel, k
+    cell, which = (0.0, 0.0, 0.0, 0.0), 0
+    if table:
+        c, left = hold_of(knots, slopes, shrink, c_or_scale, travel), 1.0
+        which = cell_at(knots, shrink, 0.0)
+        cell = parabola(knots, slopes, shrink, c_or_scale, which)
+    else:
+        c = c_or_scale
     press_voltage = left * math.sqrt(stiff * travel / c)
     hold_voltage = press_voltage
     if adhesion > 0.0:
@@ -125,7 +136,9 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 status = WORK_LIMIT
                 break
             if shaped:
-                series = expand_shaped(form, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape)
+                series = expand_shaped(
+                    form, film, table, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f, shape, cell
+                )
             else:
                 series = expand(form, lossy, film, pieces, n_ramps, ramps, i, t, x, v, gap, c, k, d, f)
             h = step_size(series, tolerance)
@@ -135,6 +148,12 @@ def _run_switch(  # type: ignore[no-untyped-def]
             if last:
                 h = end - t
             x1, v1 = evaluate(series, h)
+            way = 0
+            if table:
+                until, way = leaves(series, h, x1, bend(series, h), knots, shrink, which, travel)
+                if until < h:
+                    h, last = until, False
+                    x1, v1 = evaluate(series, h)
             tau, speed = NONE, 0.0
             if lossy:
                 # From a maximum on the plate falls, losses hold it back, and x'' >= -k travel as without them.
@@ -158,6 +177,13 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 if shaped and n_impacts == 0:
                     peak = peak_of(x, v, x1, v1, series, h, peak)
                 x, v = x1, v1
+                if table and way != 0:
+                    which += way
+                    launch = 0.0  # what crosses a knot tells nothing of the bounces that do not
+                    if which < 0:
+                        status = LEFT_TABLE
+                        break
+                    cell = parabola(knots, slopes, shrink, c_or_scale, which)
                 continue
             if n_impacts == 0:
                 first, v_max = t, speed
@@ -179,12 +205,14 @@ def _run_switch(  # type: ignore[no-untyped-def]
                     n_steps += 1
                     if shaped:
                         brief = short_shaped(
-                            form, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f, shape
+                            form, film, table, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f, shape, cell
                         )
                     else:
                         brief = short(form, lossy, film, pieces, n_ramps, ramps, i, t, travel, v, gap, c, k, d, f)
                     tau, speed = short_return(brief, rtol)
                     if tau <= 0.0 or t + tau > end or n_steps > max_steps:
+                        break
+                    if table and travel - depth_of(v, tau) < cell[0]:
                         break
                     if i_time < n_times:
                         i_time = sample_until(brief + _NO_MORE, t, t + tau, times, i_time, row, x64, v64, x32, v32)
@@ -237,7 +265,7 @@ def _run_switch(  # type: ignore[no-untyped-def]
                 ts, xs, vs = t, x, v
                 while i_time < n_times and times[i_time] <= t_next:
                     if shaped:
-                        series = steady_shaped(film, pieces[i, 2], xs, vs, gap, c, k, d, f, shape)
+                        series = steady_shaped(film, table, pieces[i, 2], xs, vs, gap, c, k, d, f, shape, cell)
                     else:
                         series = steady(lossy, film, pieces[i, 2], xs, vs, gap, c, k, d, f)
                     h = step_size(series, tolerance)
@@ -258,12 +286,14 @@ def _run_switch(  # type: ignore[no-untyped-def]
     return v_max, first, settled, n_impacts, x, v, held, status, peak
 
 
-def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool) -> Callable[..., None]:
+def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool, table: bool) -> Callable[..., None]:
     @cached_njit(nogil=True, error_model="numpy", **UNCOUNTED)
     def run_block(  # type: ignore[no-untyped-def]
         lo,
         hi,
         devices,
+        knots,
+        slopes,
         memo,
         pieces,
         n_ramps,
@@ -291,8 +321,9 @@ def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool) -> Cal
         """Switches lo..hi-1 of `devices`, each on its own; outputs are rows of whole arrays.
 
         devices: (n, 9) travel, gap [µm], c, k, restitution, damping [1/µs], film [µm³/µs], adhesion [µm/µs²] and
-        v_stick [µm/µs], all forces per mass; losses are read where there are any. Where `shaped`, three more: cubic
-        stiffness, dielectric and slip as `_run_switch` has them, and peaks (n, 1) is filled.
+        v_stick [µm/µs], all forces per mass; losses are read where there are any. Where `shaped`, four more: cubic
+        stiffness, dielectric, slip and shrink as `_run_switch` has them, and peaks (n, 1) is filled.
+        knots (n + 1,), slopes (3, n): of a table, empty without one.
         memo: (3, MAX_RETURNS) for what is in work.
         form: of the drive. `DECAYING`: pieces, n_ramps and ramps are the command, and path, scales (1 or n, 3) and the
         out_ arrays what `deliver_flat` takes; one row of scales is for all.
@@ -326,6 +357,8 @@ def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool) -> Cal
                 devices[i, 6],
                 devices[i, 7],
                 shape,
+                table,
+                (knots, slopes, devices[i, 12] if table else 1.0),
                 memo,
                 pieces_,
                 n_,
@@ -336,10 +369,7 @@ def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool) -> Cal
                 max_steps,
                 times,
                 row,
-                x64,
-                v64,
-                x32,
-                v32,
+                (x64, v64, x32, v32),
                 event_row,
                 impact_time,
                 impact_speed,
@@ -352,6 +382,6 @@ def _build(source: int, form: int, lossy: bool, film: bool, shaped: bool) -> Cal
 
 
 @lru_cache
-def block(*, form: int, lossy: bool, film: bool, shaped: bool) -> Callable[..., None]:
+def block(*, form: int, lossy: bool, film: bool, shaped: bool, table: bool) -> Callable[..., None]:
     """`run_block` for such drives, losses and forces; each is compiled where it is first used, and cached."""
-    return _build(fingerprint(), form, lossy, film, shaped)
+    return _build(fingerprint(), form, lossy, film, shaped, table)

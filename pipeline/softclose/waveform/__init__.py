@@ -2,6 +2,7 @@
 
 from softclose.waveform.delivered import Delivered as Delivered
 from softclose.waveform.fitted import Fitted as Fitted
+from softclose.waveform.pieced import Pieced as Pieced
 from softclose.waveform.pulses import LEAST_RISE_US as LEAST_RISE_US
 from softclose.waveform.pulses import MAX_VOLTS as MAX_VOLTS
 from softclose.waveform.pulses import MIN_RISE_US as MIN_RISE_US
@@ -16,5 +17,5 @@ from softclose.waveform.trace import Trace as Trace
 
 Drive = Waveform | Trace
 """What is commanded, or was recorded."""
-AnyDrive = Waveform | Trace | Delivered | Fitted
+AnyDrive = Waveform | Trace | Delivered | Pieced | Fitted
 """Whatever switches can be driven with."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from softclose.arrays import FloatArray, IntArray
 from softclose.waveform.flat import flatten_pulses
 from softclose.waveform.lowpass import deliver_flat, poles, room
+from softclose.waveform.pieced import Pieced
 from softclose.waveform.pulses import MAX_VOLTS, Waveform, WaveformError, is_above
 
 
@@ -18,8 +19,8 @@ from softclose.waveform.pulses import MAX_VOLTS, Waveform, WaveformError, is_abo
 class Delivered:
     """Pulses behind a low-pass: from rest, delayed, amplified, on a constant voltage."""
 
-    command: Waveform
-    """What is commanded; before 0 it is 0 V."""
+    command: Waveform | Pieced
+    """What comes to the low-pass; before 0 it is 0 V."""
     bandwidth_kHz: float
     """Frequency at which a sine comes out at -3 dB [kHz]."""
     order: int = 1
@@ -49,9 +50,15 @@ class Delivered:
         kind, first, second = poles(self.bandwidth_kHz, self.order, self.damping)
         return np.array([kind, first, second, self.gain, self.delay_us, self.offset_volts, horizon_us])
 
+    def flat_command(self, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
+        """The pieces of the command on [0, horizon]."""
+        if isinstance(self.command, Waveform):
+            return flatten_pulses(self.command, horizon_us)
+        return self.command.flat(horizon_us)
+
     def flat(self, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
         """The pieces on [0, horizon], as the kernels read them: rows of four numbers, see `deliver_flat`."""
-        command = flatten_pulses(self.command, horizon_us)
+        command = self.flat_command(horizon_us)
         out = room(command[0], command[2])
         path = self.path(horizon_us)
         m = deliver_flat(*command, path, 1.0, self.delay_us, self.offset_volts, *out)

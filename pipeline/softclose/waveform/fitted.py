@@ -1,13 +1,21 @@
-"""Owns a sampled drive as polynomials, each as long as a tolerance allows."""
+"""Owns a sampled drive as polynomials, each as long as a tolerance allows.
+
+What a switch feels of a drive is its area: a deviation that has the area e [V µs] at an instant is a speed of
+2 a e / u there, with the acceleration a. So the integral of the voltage is what is fitted, to a tolerance at every
+instant, and a piece is the derivative of what fits. What swings about its mean faster than anything moves, as a
+generator's fine steps do, is left out, but for what it adds to the mean of u², which the force follows.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike
 
 from softclose.arrays import FloatArray, IntArray
@@ -16,45 +24,83 @@ from softclose.waveform.trace import Trace
 
 DEGREE = 7
 """Degree of the polynomials."""
+TOLERANCE_VOLT_US = 1e-3
+"""How far the area under a fitted drive may be from that under its samples, at any instant [V µs]."""
+MANY = 40
+"""Pieces that a drive may have and stay exact: it takes as many steps without them."""
+_FLAT_US = 1.0
+"""A constant voltage that lasts so long is a piece of its own: bounces on it are told in closed form."""
+_PARTS = 4
+"""Parts of a cell at whose ends the area is looked at; an even number."""
+_NODES = 96
+"""Points of a fit; what fits is looked at everywhere."""
+
+_ENDS_ARE_0 = np.zeros((DEGREE, DEGREE + 2))
+"""Powers of (1 - z²) T_j(z), which vanishes at both ends, for each j."""
+for _j in range(DEGREE):
+    _powers = (Chebyshev.basis(_j).convert(kind=Polynomial) * Polynomial([1.0, 0.0, -1.0])).coef
+    _ENDS_ARE_0[_j, : len(_powers)] = _powers
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells:
+    """A voltage from sample to sample: (n,) parabolas, which need not join."""
+
+    ends: FloatArray
+    """(n + 1,) ends [µs], from 0."""
+    first: FloatArray
+    """(n,) voltage at the beginning of each [V]."""
+    middle: FloatArray
+    """(n,) voltage in the middle of each."""
+    last: FloatArray
+    """(n,) voltage at the end of each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """Polynomials that join, for their samples are joined; the last voltage ever after."""
+    """Polynomials that follow one another; the last voltage ever after."""
 
     knots: FloatArray
     """(n + 1,) ends of the pieces [µs], from 0."""
     coefficients: FloatArray
     """(n, DEGREE + 1) of powers of the instant, from the middle of the piece [V, V/µs, ...]."""
+    after: float
+    """Voltage from the end of the last piece on [V]."""
 
     @classmethod
-    def of(cls, trace: Trace, tolerance_volts: float) -> Self:
-        """The longest pieces, found one after another, that meet every sample of a trace to the tolerance [V].
-
-        Between two samples they stay as close to the line, but for what the samples around it bend.
+    def of(cls, trace: Trace, tolerance_volt_us: float = TOLERANCE_VOLT_US) -> Self:
+        """The longest pieces, found one after another, whose area is that of a trace to the tolerance [V µs], but for
+        what their level makes up for (see above).
 
         Raises WaveformError where that is not above 0.
         """
-        if not tolerance_volts > 0.0:
-            raise WaveformError(f"tolerance_volts is {tolerance_volts:g}; it must be above 0")
-        t, u = trace.times_us, trace.volts
-        # A jump bends two samples, a curve four and more.
-        bends = np.pad(np.abs(np.diff(np.diff(u) / np.diff(t))) * np.diff(t)[1:], 2)
-        around = np.lib.stride_tricks.sliding_window_view(bends, 4).min(axis=1)
-        knots, rows, first = [0], [], 0
-        while first < len(t) - 1:
-            reach, step, found = first + 1, 1, _line(t, u, first, first + 1)
-            while step > 0:  # by doubling, and halving where it fails
-                last = min(reach + step, len(t) - 1)
-                longer = _fit(t, u, around, first, last, tolerance_volts) if last > reach else None
-                if longer is None:
-                    step //= 2
-                else:
-                    reach, found, step = last, longer, 2 * step
-            knots.append(reach)
-            rows.append(found)
-            first = reach
-        return cls(t[knots], np.array(rows))
+        if not tolerance_volt_us > 0.0:
+            raise WaveformError(f"tolerance_volt_us is {tolerance_volt_us:g}; it must be above 0")
+        u = trace.volts
+        cells = Cells(ends=trace.times_us, first=u[:-1], middle=0.5 * (u[:-1] + u[1:]), last=u[1:])
+        return cls.of_cells(cells, tolerance_volt_us)
+
+    @classmethod
+    def of_cells(cls, cells: Cells, tolerance_volt_us: float) -> Self:
+        """The same of parabolas."""
+        whole = _Whole.of(cells)
+        knots, rows = [0], []
+        for begin, end in _spans(cells):
+            first = begin
+            step = 1
+            while first < end:
+                reach, found = first + 1, whole.alone(first)
+                while step > 0:  # by doubling, and halving where it fails
+                    last = min(reach + step, end)
+                    longer = whole.fit(first, last, tolerance_volt_us) if last > reach else None
+                    if longer is None:
+                        step //= 2
+                    else:
+                        reach, found, step = last, longer, 2 * step
+                knots.append(reach)
+                rows.append(found)
+                first, step = reach, max(1, (reach - first) // 2)
+        return cls(cells.ends[knots], np.array(rows), float(cells.last[-1]))
 
     def flat(self, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:
         """The pieces on [0, horizon] as the kernels read them; rows of one number, the powers from 1 on."""
@@ -64,8 +110,7 @@ class Fitted:
         pieces = np.stack([begin, end, c[:, 0]], axis=1)
         rest = c[:, 1:, None].copy()
         if pieces[-1, 1] < horizon_us:
-            last = float(self.voltage(self.knots[-1]))
-            pieces = np.concatenate([pieces, [[self.knots[-1], horizon_us, last]]])
+            pieces = np.concatenate([pieces, [[self.knots[-1], horizon_us, self.after]]])
             rest = np.concatenate([rest, np.zeros((1, DEGREE, 1))])
         elif pieces[-1, 1] > horizon_us:
             moved = _about(c[-1], 0.5 * (horizon_us - pieces[-1, 1]))
@@ -74,13 +119,13 @@ class Fitted:
 
     def voltage(self, t_us: ArrayLike) -> FloatArray:
         """u(t) [V] at instants t_us [µs]; any shape."""
-        t = np.minimum(np.asarray(t_us, dtype=np.float64), self.knots[-1])
+        t = np.asarray(t_us, dtype=np.float64)
         which = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1)
         s = t - 0.5 * (self.knots[which] + self.knots[which + 1])
         u = np.zeros(t.shape)
         for k in range(DEGREE, -1, -1):
             u = u * s + self.coefficients[which, k]
-        return u
+        return np.where(t < self.knots[-1], u, self.after)
 
     def breakpoints(self, horizon_us: float = math.inf) -> FloatArray:
         """Ends of the pieces in [0, horizon] [µs]."""
@@ -98,40 +143,74 @@ class Fitted:
             raise WaveformError(f"the drive reaches {peak:.6g} V; {max_volts:g} V are allowed (waveform.max_volts)")
 
 
-def _line(t: FloatArray, u: FloatArray, first: int, last: int) -> FloatArray:
-    row = np.zeros(DEGREE + 1)
-    row[0], row[1] = 0.5 * (u[first] + u[last]), (u[last] - u[first]) / (t[last] - t[first])
-    return row
+def _spans(cells: Cells) -> list[tuple[int, int]]:
+    """First and last end of what is fitted by itself: constant voltages that last, and what lies between them."""
+    level = (cells.first == cells.last) & (cells.first == cells.middle)
+    same = np.append(False, level[1:] & level[:-1] & (cells.first[1:] == cells.first[:-1]))
+    begins = np.flatnonzero(level & ~same)
+    stops = np.flatnonzero(level & ~np.append(same[1:], False)) + 1
+    lasting = cells.ends[stops] - cells.ends[begins] >= _FLAT_US
+    edges = sorted({0, len(level), *begins[lasting].tolist(), *stops[lasting].tolist()})
+    return list(itertools.pairwise(edges))
 
 
-def _fit(
-    t: FloatArray, u: FloatArray, around: FloatArray, first: int, last: int, tolerance: float
-) -> FloatArray | None:
-    """Least squares through the samples first..last, its ends on the trace; None where it misses one.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Whole:
+    """Cells and their area."""
 
-    Between two samples it may leave their line by the tolerance and a quarter of what the samples around bend [V].
-    """
-    line = _line(t, u, first, last)
-    half, s = 0.5 * (t[last] - t[first]), t[first : last + 1] - 0.5 * (t[first] + t[last])
-    z = s / half
-    off = u[first : last + 1] - line[0] - line[1] * s
-    degree = min(DEGREE, last - first)
-    if degree < 2 or np.abs(off).max() <= tolerance:
-        return line if np.abs(off).max() <= tolerance else None
-    # (1 - z²) times a polynomial vanishes at both ends.
-    ends = 1.0 - z * z
-    basis = np.polynomial.chebyshev.chebvander(z[1:-1], degree - 2) * ends[1:-1, None]
-    weights, *_ = np.linalg.lstsq(basis, off[1:-1], rcond=None)
-    if np.abs(basis @ weights - off[1:-1]).max() > tolerance:
-        return None
-    middles = 0.5 * (z[1:] + z[:-1])
-    found = np.polynomial.chebyshev.chebval(middles, weights) * (1.0 - middles**2)
-    if (np.abs(found - 0.5 * (off[1:] + off[:-1])) > tolerance + 0.25 * around[first:last]).any():
-        return None
-    inner = Chebyshev(weights).convert(kind=Polynomial) * Polynomial([1.0, 0.0, -1.0])
-    powers = np.zeros(DEGREE + 1)
-    powers[: len(inner.coef)] = inner.coef / half ** np.arange(len(inner.coef))
-    return line + powers
+    cells: Cells
+    at: FloatArray
+    """(_PARTS n + 1,) ends of the cells and instants between them [µs]."""
+    area: FloatArray
+    """(_PARTS n + 1,) from 0 to each of them [V µs]."""
+
+    @classmethod
+    def of(cls, cells: Cells) -> Self:
+        a, m, b, width = (f[:, None] for f in (cells.first, cells.middle, cells.last, np.diff(cells.ends)))
+        s = np.arange(1, _PARTS + 1) / _PARTS
+        inside = width * s * (a + s * (0.5 * (4.0 * m - 3.0 * a - b) + s * (2.0 / 3.0) * (a - 2.0 * m + b)))
+        begins = np.append(0.0, np.cumsum(inside[:, -1])[:-1])
+        at = np.append(cells.ends[0], cells.ends[:-1, None] + width * s)
+        return cls(cells, at, np.append(0.0, begins[:, None] + inside))
+
+    def alone(self, i: int) -> FloatArray:
+        """A cell as it is, by its coefficients."""
+        a, m, b = self.cells.first[i], self.cells.middle[i], self.cells.last[i]
+        half = 0.5 * (self.cells.ends[i + 1] - self.cells.ends[i])
+        row = np.zeros(DEGREE + 1)
+        row[:3] = m, 0.5 * (b - a) / half, 0.5 * (a - 2.0 * m + b) / half**2
+        return row
+
+    def fit(self, first: int, last: int, tolerance: float) -> FloatArray | None:
+        """Least squares through the area within, and at the two ends through it; None where it misses."""
+        cells, part = self.cells, slice(_PARTS * first, _PARTS * last + 1)
+        at, area = self.at[part], self.area[part]
+        a, m, b = cells.first[first:last], cells.middle[first:last], cells.last[first:last]
+        half, width = 0.5 * (at[-1] - at[0]), np.diff(cells.ends[first : last + 1])
+        mean = (area[-1] - area[0]) / (2.0 * half)
+        if (a == a[0]).all() and (m == a[0]).all() and (b == a[0]).all():
+            mean = a[0]
+        where = (at - 0.5 * (at[0] + at[-1])) / half
+        off = area - area[0] - mean * half * (where + 1.0)
+        inner = np.zeros(DEGREE + 2)
+        if np.abs(off).max() > 0.01 * tolerance:
+            nodes = slice(1, -1, max(1, len(where) // _NODES))
+            inside = where[nodes]
+            n = min(DEGREE, len(inside) // 2)
+            basis = np.polynomial.chebyshev.chebvander(inside, n - 1) * (1.0 - inside**2)[:, None]
+            inner = np.linalg.solve(basis.T @ basis, basis.T @ off[nodes]) @ _ENDS_ARE_0[:n]
+        if np.abs(polyval(where, inner) - off).max() > tolerance:
+            return None
+        rate = np.arange(1, DEGREE + 2) * inner[1:]
+        volts = mean + polyval(where[:: _PARTS // 2], rate) / half
+        told = np.stack([volts[:-2:2], volts[1::2], volts[2::2]]), np.stack([a, m, b])
+        simpson = np.outer([1.0, 4.0, 1.0], width) / 6.0
+        if (simpson * (told[0] - told[1]) ** 2).sum() > tolerance * max(np.abs(m).max(), 1.0):
+            return None
+        square = mean**2 + (simpson * (told[1] ** 2 - told[0] ** 2)).sum() / (2.0 * half)
+        powers = rate / half ** np.arange(1, DEGREE + 2)
+        powers[0] += math.copysign(math.sqrt(max(square, 0.0)), mean)
+        return np.asarray(powers)
 
 
 def _about(coefficients: FloatArray, shift: float) -> FloatArray:

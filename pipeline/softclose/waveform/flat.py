@@ -1,8 +1,9 @@
-"""Owns the flat form of pulses: pieces on which u(t) is a constant plus a few cosines."""
+"""Owns the flat form of pulses: pieces on which u(t) is a constant plus a few cosines, or a line as a long one."""
 
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +12,20 @@ from softclose.waveform.pulses import Waveform
 
 SNAP_US = 1e-9
 """Knots closer than this are one: rounding in start + rise + peak must not make a piece of 1e-14 µs."""
+
+
+_LINE = 1e-5
+"""Half a line's length in the angle of the cosine that stands for it: (1e-5)²/6 of its rise is left, as is rounding."""
+
+
+Numeric = TypeVar("Numeric", float, FloatArray)
+
+
+def line_term(begin: Numeric, end: Numeric, first: Numeric, last: Numeric) -> tuple[Numeric, Numeric, Numeric]:
+    """Of a straight line about its mean the middle of a long cosine: amplitude [V], frequency [1/µs], origin [µs]."""
+    omega = 2.0 * _LINE / (end - begin)
+    # -amplitude cos(omega (t - middle) + pi/2) = amplitude sin(omega (t - middle)), amplitude = slope / omega
+    return (first - last) / (2.0 * _LINE), omega, 0.5 * (begin + end) - 0.5 * math.pi / omega
 
 
 def flatten_pulses(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, IntArray, FloatArray]:

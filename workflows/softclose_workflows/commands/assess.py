@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     "--tolerance",
     "tolerance_volts",
     type=click.FloatRange(min=0.0),
-    default=1e-3,
+    default=0.0,
     show_default=True,
     metavar="VOLTS",
-    help="Samples that lines through the others meet to this are left out.",
+    help="Samples that lines through the others meet to this are left out; 0: none.",
 )
 @click.option("--switches", type=int, default=100_000, show_default=True, help="New switches.")
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the new switches [the certificate's].")

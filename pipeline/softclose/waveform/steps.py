@@ -1,0 +1,104 @@
+"""Owns what a generator makes of pulses: steps in time and in volts, each held, as exact pieces of constant voltage.
+
+Steps so fine that nothing can feel them are not told one by one: a clock below `FINEST_US` is its delay of half a step,
+and of a ramp with more than `MOST_STEPS` steps of voltage the curve is left.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from softclose.arrays import FloatArray, IntArray
+from softclose.waveform.flat import SNAP_US, flatten_pulses
+from softclose.waveform.pulses import Pulse, Waveform
+
+FINEST_US = 5e-3
+"""Samples closer than this are not told apart [µs]: between them and their mean lie 1e-4 V µs at 40 V/µs."""
+MOST_STEPS = 4096
+"""Steps of voltage on one ramp; with more, each is 25 mV of 100 V or less."""
+_LOOKS = 257
+"""Points of a ramp between which it is taken to turn once at most."""
+
+
+def stepped(
+    waveform: Waveform, resolution_us: float, resolution_volts: float, horizon_us: float
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """What the generator gives on [0, horizon], as `flatten_pulses` returns it.
+
+    resolution_us: time between two voltages [µs], 0 for none; resolution_volts: step of the voltages [V], 0 for none.
+    """
+    if 0.0 < resolution_us < FINEST_US:
+        late = [Pulse(p.start_us + 0.5 * resolution_us, p.rise_us, p.peak_us, p.volts) for p in waveform.pulses]
+        waveform, resolution_us = Waveform(late), 0.0
+    pieces, n_ramps, ramps = flatten_pulses(waveform, horizon_us)
+    if not (resolution_us or resolution_volts):
+        return pieces, n_ramps, ramps
+    begins: list[FloatArray] = []
+    levels: list[FloatArray] = []
+    curves: list[int] = []  # of each step the piece whose curve is left, or -1
+    for i, (begin, end, level) in enumerate(pieces):
+        rows = ramps[i, : n_ramps[i]]
+        if resolution_us:
+            first, last = (math.ceil(t / resolution_us - 1e-9) for t in (begin, end))
+            at = resolution_us * np.arange(first, min(last, first + 1) if len(rows) == 0 else last)
+            volts = _rounded(_curve(rows, level, at), resolution_volts)
+        elif len(rows) == 0:
+            at, volts = np.array([begin]), _rounded(np.array([level]), resolution_volts)
+        else:
+            at, volts = _crossings(rows, level, begin, end, resolution_volts)
+        begins.append(at)
+        levels.append(volts)
+        curves.extend([i if len(at) and np.isnan(volts[0]) else -1] * len(at))
+    t, u, curve = np.concatenate(begins), np.concatenate(levels), np.array(curves)
+    t = np.minimum(t, horizon_us)
+    kept = np.append(True, (np.diff(u) != 0.0) | (curve[1:] >= 0) | (curve[:-1] >= 0))
+    t, u, curve = t[kept], u[kept], curve[kept]
+    ends = np.append(t[1:], horizon_us)
+    long_enough = ends - t > SNAP_US
+    t, u, curve = t[long_enough], u[long_enough], curve[long_enough]
+    t[0] = 0.0
+    ends = np.append(t[1:], horizon_us)
+    whole = curve >= 0
+    u[whole] = pieces[curve[whole], 2]
+    n = np.where(whole, n_ramps[curve], 0)
+    terms = np.where(whole[:, None, None], ramps[curve], 0.0)
+    return np.stack([t, ends, u], axis=1), n, np.ascontiguousarray(terms)
+
+
+def _rounded(u: FloatArray, step: float) -> FloatArray:
+    return np.asarray(step * np.round(u / step)) if step else u
+
+
+def _curve(rows: FloatArray, level: float, t: FloatArray) -> FloatArray:
+    amplitude, omega, origin = rows.T[:, :, None]
+    return np.asarray(level + (amplitude * np.cos(omega * (t - origin))).sum(axis=0))
+
+
+def _crossings(rows: FloatArray, level: float, begin: float, end: float, step: float) -> tuple[FloatArray, FloatArray]:
+    """Instants at which a ramp is rounded to another voltage, and those voltages; NaN where they are too many."""
+    looks = np.linspace(begin, end, _LOOKS)
+    slope = -(rows[:, 0, None] * rows[:, 1, None] * np.sin(rows[:, 1, None] * (looks - rows[:, 2, None]))).sum(axis=0)
+    turning = np.flatnonzero(slope[1:] * slope[:-1] < 0.0)
+    low, high = looks[turning], looks[turning + 1]
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        rate = -(rows[:, 0, None] * rows[:, 1, None] * np.sin(rows[:, 1, None] * (middle - rows[:, 2, None]))).sum(0)
+        same = rate * slope[turning] > 0.0
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    looks = np.sort(np.append(looks, 0.5 * (low + high)))
+    whole = np.round(_curve(rows, level, looks) / step)
+    jumps = np.abs(np.diff(whole)).astype(int)
+    if jumps.sum() > MOST_STEPS:
+        return np.array([begin]), np.array([math.nan])
+    which = np.repeat(np.arange(len(jumps)), jumps)
+    nth = np.arange(len(which)) - np.repeat(np.cumsum(jumps) - jumps, jumps)
+    way = np.sign(np.diff(whole))[which]
+    edge = (whole[which] + way * (nth + 0.5)) * step
+    low, high = looks[which], looks[which + 1]
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        before = way * (_curve(rows, level, middle) - edge) < 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return np.append(begin, high), step * np.append(whole[0], whole[which] + way * (nth + 1))
