@@ -55,6 +55,9 @@ def test_a_rise_is_a_cosine_a_line_and_a_cosine() -> None:
     meets = pieces[1, 1]
     at = 50.0 - 50.0 * math.cos(math.pi * leaves / 10.0)
     assert at + 12.0 * (meets - leaves) == pytest.approx(50.0 - 50.0 * math.cos(math.pi * meets / 10.0), abs=1e-6)
+    joins = Pieced(pieces, n_ramps, ramps)
+    ends = pieces[:-1, 1]
+    np.testing.assert_allclose(joins.voltage(ends - 1e-9), joins.voltage(ends), atol=1e-6)
     np.testing.assert_array_equal(ramps[0, 0], command[2][0, 0])
     assert pieces[3, 2] == 100.0
 
