@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from campaigns import softclose, softclose_process
 from softclose.evaluate import judge
@@ -22,6 +23,7 @@ from softclose.waveform import Waveform
 from softclose_store import DriverStore, faults, open_campaign, repair, verify
 from softclose_workflows.analyses.forecast import prior_trajectories
 from softclose_workflows.analyses.recompute import recompute, replay
+from softclose_workflows.cli import main
 from softclose_workflows.errors import Stopped
 from softclose_workflows.report.gather import gather
 from softclose_workflows.report.health import health
@@ -191,3 +193,17 @@ def test_table_and_page_judge_as_the_records_do(whole: Path) -> None:
     changed = replace(data, candidates=replace(data.candidates, columns=columns))
     assert "95\u202f% of that without" in next(c for c in health(changed) if c.name == "Control variate").said
     assert "does not pay" in next(c for c in health(changed) if c.name == "Control variate").said
+
+
+@pytest.mark.parametrize(
+    ("control", "said"),
+    [
+        (1024, "before the first candidate, for the proposals and as control variate"),
+        (0, "before the first candidate and for the proposals"),
+    ],
+)
+def test_a_dry_run_says_what_the_prior_is_asked_for(control: int, said: str, tmp_path: Path) -> None:
+    command = [*arguments(tmp_path / "a.zarr"), "--set", f"prior.control={control}", "--dry-run", "--serial"]
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 0, done.output
+    assert said in done.output

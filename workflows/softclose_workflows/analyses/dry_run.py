@@ -17,11 +17,13 @@ def dry_run(config: CampaignConfig, placement: Placement) -> list[str]:
     each, of_prior, n_prior = switch_s(config, step), prior_switch_s(config, step), prior_trajectories(config)
     workers = max(placement.n_processes, 1)
     minutes = (n_trajectories(config) * each + n_prior * of_prior) / workers / 60.0
-    prior = (
-        f"prior: {n_prior:,} trajectories of {config.prior.model}, before the first candidate and for the proposals"
-        if n_prior
-        else ""
-    )
+    uses = [
+        "before the first candidate",
+        "for the proposals",
+        *(["as control variate"] if config.prior.control else []),
+    ]
+    what_for = f"{', '.join(uses[:-1])} and {uses[-1]}"
+    prior = f"prior: {n_prior:,} trajectories of {config.prior.model}, {what_for}" if n_prior else ""
     return [
         *explained(config),
         *filter(None, [prior]),
