@@ -22,6 +22,7 @@ from softclose.device.drives import Drives, product
 from softclose.evaluate import chain, coordinates, draw, evaluate, respond
 from softclose.evaluate.asked import told
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity, quantity
+from softclose.evaluate.realise import column_names
 from softclose.population.lot import COLUMNS, Column, Lot
 from softclose.settings import CampaignConfig, ConfigError, load_config
 from softclose.uncertainty.sensitivity import sensitivity
@@ -40,6 +41,7 @@ class Ageing(Condition):
     """A condition that nobody has: springs that have lost some stiffness, and drives that were turned down for it."""
 
     section: ClassVar[str] = "campaign"
+    columns: ClassVar[tuple[str, ...]] = ("age",)  # type: ignore[misc]
     around: Surroundings
 
     @classmethod
@@ -76,6 +78,7 @@ def test_one_more_condition_is_known_to_every_analysis_that_draws_or_simulates()
     """A file of its own, its column, its place in the chain (and its section of the configuration)."""
     config = replace(CONFIG)
     lot = draw(config, 200, seed=1)
+    assert tuple(lot) == column_names(config)
     plain = CONFIG.build_population().sample(200, seed=1)
     assert (lot["K"] < plain[:, 2]).all()
     found = respond(config, lot, DRIVE)

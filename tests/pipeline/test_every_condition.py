@@ -16,9 +16,11 @@ from conditions_of_campaigns import CONDITIONS, DRIVE, compatible, config
 from examples import examples, in_turn
 from softclose import Trace
 from softclose.conditions.streams import Ensemble, Stream, StreamError, check
+from softclose.device.device import Device
 from softclose.evaluate import coordinates, draw, evaluate, realise, respond, uniforms
 from softclose.evaluate.chain import CONDITIONS as KINDS
 from softclose.evaluate.pieces import here
+from softclose.evaluate.realise import column_names
 from softclose.metrics.objective import in_time
 from softclose.opening import assess_opening, let_go, opened
 from softclose.population import load_population
@@ -262,3 +264,12 @@ def test_two_streams_that_are_equal_are_an_error() -> None:
         check(One, Two)
     check(Ensemble, Stream)
     assert len(KINDS) == len({kind.__name__ for kind in KINDS})
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_the_columns_of_a_lot_are_known_before_it_is_drawn(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = config(name)
+    with monkeypatch.context() as patch:
+        patch.setattr(Device, "respond", lambda *_, **__: pytest.fail("a simulation names no column"))
+        names = column_names(asked)
+    assert names == tuple(draw(asked, 3, seed=1))

@@ -26,7 +26,7 @@ from softclose.propose.prior import Prior, prior_config
 from softclose.propose.prior_basins import find_basins
 from softclose.propose.promises import PriorError, PriorValues
 from softclose.propose.proposer import Proposer
-from softclose.propose.protocol import Observation, Problem
+from softclose.propose.protocol import Observation, Problem, seen_by
 from softclose.propose.regions import shares
 from softclose.settings import ConfigError, load_config
 
@@ -316,6 +316,24 @@ def test_proposals_are_a_function_of_the_records_alone():
         assert [p.surrogate for p in fresh] == [p.surrogate for p in proposals[wave.start : wave.stop]]
 
 
+def test_what_is_in_flight_counts_as_evaluated_by_the_process():
+    """Where waveforms are in flight the process is sure of what it expects there, and looks elsewhere."""
+    config = config_of(campaign={"seed": 5, "budget": 30, "lag": 3})
+    helped = Helped(config)
+    problem, history, proposals = campaign(config, helped)
+    wave = plan(problem)[-1]
+    seen, own = seen_by(wave, history), [p.waveform for p in proposals[wave.start : wave.stop]]
+    alone = Proposer(problem).propose(wave, seen, [])
+    beside = Proposer(problem).propose(wave, seen, [p.waveform for p in alone])
+    assert len(seen) < wave.start
+    assert own != [p.waveform for p in alone], "two waves are in flight"
+    first, second = alone[0].surrogate["predicted_sd_cm_s"], beside[0].surrogate["predicted_sd_cm_s"]
+    assert second < 0.95 * first
+    points = problem.space.coordinates_of_all([p.waveform for p in (*alone, *beside)])[0]
+    apart = ((points[:, None] - points[None]) ** 2).sum(axis=2)[np.triu_indices(len(points), 1)]
+    assert apart.min() > 1e-8
+
+
 def test_failed_candidates_and_waveforms_of_the_user_s_own_do_not_stop_the_process():
     own = [[[0.0, 4.0, 4.0, 150.0], [16.0, 4.0, math.inf, 90.0]]]
     config = config_of(waveform={"space": "two-pulse-full", "initial": own})
@@ -330,12 +348,14 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
     problem = Problem(config)
     records = [(0, 20.0, 0), (1, 18.0, 1), (2, 19.0, 2), (3, 25.0, 3)]
 
-    def dealt(start, size, more=()):
+    def dealt(start, size, more=(), in_flight=()):
         numbers, g, indices = zip(*records, *more, strict=True)
-        return dict(shares(problem, start=start, size=size, numbers=numbers, g=np.array(g), indices=indices))
+        known = {"numbers": numbers, "g": np.array(g), "indices": indices}
+        return {who: n for who, n in shares(problem, start=start, size=size, **known, in_flight=in_flight).items() if n}
 
     assert dealt(4, 4) == {0: 1, 1: 1, 2: 1, 3: 1}
     assert dealt(4, 2) == {1: 1, 2: 1}
+    assert dealt(4, 2, in_flight=[1]) == {0: 1, 2: 1}
     assert dealt(24, 4) == {1: 2, 2: 2}
     assert dealt(44, 4) == {1: 4}
     # What a region finds in a round counts at the end of that round.

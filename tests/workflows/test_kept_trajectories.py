@@ -25,7 +25,7 @@ from softclose_workflows.analyses.certify import certify, fresh_switches
 from softclose_workflows.analyses.finalists import certify_within
 from softclose_workflows.analyses.recompute import recompute
 from softclose_workflows.cli import main
-from softclose_workflows.run import actuations, needs, opening, releases
+from softclose_workflows.run import actuations, creation, needs, opening, releases
 from softclose_workflows.run.crew import open_crew
 from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.tasks import times_us
@@ -285,3 +285,23 @@ def test_bytes_are_said_before_with_all_that_is_kept(store: Path) -> None:
     assert 0.2 < measured / (needs.n_beside(config) * needs.motion_bytes(config)) < 5.0
     told = softclose("certify", str(store), "--switches", "300", "--top", "1", "--store-trajectories", "--threads", "1")
     assert "the trajectories will take up to" in told.stderr
+
+
+def test_actuations_that_are_not_held_are_simulated_again_to_the_same_store(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sets = [part for s in (*COARSE, "trim.measured=contact times") for part in ("--set", s)]
+    stores = []
+    for most in (actuations.MOST_HELD_BYTES, 0.0):
+        monkeypatch.setattr(actuations, "MOST_HELD_BYTES", most)
+        stores.append(tmp_path / f"{most:g}.zarr")
+        done = CliRunner().invoke(main, ["run", "current", "--store", str(stores[-1]), "--serial", "--quiet", *sets])
+        assert done.exit_code == 0, done.output
+    assert differences(*stores) == []
+
+
+def test_a_store_that_is_there_has_its_lot_already(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = load_config("current", [*COARSE, "trim.measured=contact times"])
+    creation.create_store(config, str(tmp_path / "a.zarr"))
+    monkeypatch.setattr(creation, "lot_of", lambda *_: pytest.fail("the lot is in the store"))
+    creation.create_store(config, str(tmp_path / "a.zarr"))

@@ -201,7 +201,8 @@ class Failing:
 
 def asking(executor: object, received: list[object]) -> PriorAtWork:
     config = load_config("current", SETTINGS)
-    return PriorAtWork("a.zarr", config, "f", executor, StopRequest(), received.append, lambda found: None)
+    told, is_busy = (lambda found: None), (lambda: False)
+    return PriorAtWork("a.zarr", config, "f", executor, StopRequest(), received.append, told, is_busy)
 
 
 def some_waveforms(n: int) -> list[object]:

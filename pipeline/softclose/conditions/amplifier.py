@@ -181,6 +181,11 @@ class Amplifier(Condition):
             return ()
         return (Coordinate(name="drive", stream=Stream.DRIVE, parts=("gain", "clock")),)
 
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Gain and clock, where drives scatter."""
+        return ("gain", "clock") if self.settings.scatters else ()
+
     def lot(self, lot: Lot, u: Uniforms) -> Lot:
         """With the gain and the clock of each one's drive, normal about 1; the same for every candidate."""
         s = self.settings

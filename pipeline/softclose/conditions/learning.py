@@ -8,7 +8,7 @@ few steps somewhat above it are timed. A regression over the lot turns the two i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -182,6 +182,7 @@ class TailoredByLearning(Condition):
 
     section: ClassVar[str] = "trim"
     tailored: ClassVar[bool] = True
+    columns: ClassVar[tuple[str, ...]] = ("threshold", "contact_time", "voltage_scale", "time_scale")  # type: ignore[misc]
     settings: TrimSection
     around: Surroundings
 
@@ -242,7 +243,14 @@ class TailoredByLearning(Condition):
 
     def lot(self, lot: Lot, u: Uniforms) -> Lot:
         """With what the actuations told, and the scales that follow from it."""
-        told = self.told(lot, u[TIMING.name][:, 0])
+        return self._with(lot, self.told(lot, u[TIMING.name][:, 0]))
+
+    def lot_after(self, lot: Lot, u: Uniforms, contacts: Sequence[FloatArray]) -> Lot:
+        """As `lot`, where its actuations have been made already: (n,) first contacts [µs] of each of them."""
+        made = iter(contacts)
+        return self._with(lot, actuate(lambda *_: next(made), lot.switches, self.protocol, u[TIMING.name][:, 0]))
+
+    def _with(self, lot: Lot, told: FloatArray) -> Lot:
         estimate = self.learned.estimate(told)
         scales = self.learned.trim.scales(estimate)
         return lot.with_columns(

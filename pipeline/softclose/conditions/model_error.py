@@ -109,6 +109,11 @@ class UncertainModel(Condition):
             return ()
         return (Coordinate(name="model_error", stream=Stream.MODEL_ERROR, parts=("force error", "time error")),)
 
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Both errors, where lots that it may be count alike."""
+        return () if self.settings.counts == "worst" else ("force_error", "time_error")
+
     def lot(self, lot: Lot, u: Uniforms) -> Lot:
         """Each switch in a lot of its own, whose error is normal; the same for every candidate."""
         s = self.settings

@@ -56,6 +56,8 @@ class Condition:
     """Its section of the configuration."""
     coordinates: tuple[Coordinate, ...] = ()
     """What it draws of each switch."""
+    columns: tuple[str, ...] = ()
+    """The columns that it adds to a lot, in their order: known before any lot is, which may take simulations."""
     tailored: ClassVar[bool] = False
     """Whether it makes a drive for each switch on purpose: reference designs, which are for everybody, go without."""
 

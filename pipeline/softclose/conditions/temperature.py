@@ -152,6 +152,11 @@ class Temperature(Condition):
             return ()
         return (Coordinate(name="temperature", stream=Stream.TEMPERATURE, parts=("temperature",)),)
 
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The temperature of each switch, where it has one of its own."""
+        return ("celsius",) if self.settings.spreads else ()
+
     def lot(self, lot: Lot, u: Uniforms) -> Lot:
         """Heated, uniformly over the range; the same temperatures for every candidate."""
         s = self.settings

@@ -296,6 +296,7 @@ class Tailored(Condition):
 
     section: ClassVar[str] = "trim"
     tailored: ClassVar[bool] = True
+    columns: ClassVar[tuple[str, ...]] = ("measured_pull_in", "measured_resonance", "voltage_scale", "time_scale")  # type: ignore[misc]
     settings: TrimSection
     around: Surroundings
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -84,10 +84,24 @@ def realise(
     if design:
         changed = config.build_population().with_means(design)
         config = replace(config, population_model=changed.to_dict())
-    lot = _drawn(config, u, population)
+    return _changed(config, _drawn(config, u, population), u)
+
+
+def _changed(config: CampaignConfig, lot: Lot, u: Uniforms, contacts: Sequence[FloatArray] = ()) -> Lot:
+    """A lot with everything that the conditions add to it. contacts: of the actuations, where they have been made."""
     for condition in chain_of(config).conditions:
-        lot = condition.lot(lot, u)
+        if contacts and isinstance(condition, TailoredByLearning):
+            lot = condition.lot_after(lot, u, contacts)
+        else:
+            lot = condition.lot(lot, u)
     return lot
+
+
+def column_names(config: CampaignConfig) -> tuple[str, ...]:
+    """The columns of a lot that `realise` makes, in their order."""
+    chain = chain_of(config)
+    added = (name for condition in chain.conditions for name in condition.columns)
+    return tuple(dict.fromkeys((*chain.around.population.variables, *DEVICE_COLUMNS, *added)))
 
 
 def actuations(
@@ -157,3 +171,11 @@ def draw(
     Lot
     """
     return realise(config, uniforms(config, n, seed=seed, sampling=sampling, start=start, ensemble=ensemble))
+
+
+def draw_after(
+    config: CampaignConfig, n: int, contacts: Sequence[FloatArray], *, seed: int, sampling: Sampling = "monte-carlo"
+) -> Lot:
+    """As `draw` of the training ensemble, whose `actuations` have been made. contacts: (n,) first contacts of each."""
+    u = uniforms(config, n, seed=seed, sampling=sampling)
+    return _changed(config, _drawn(config, u, None), u, contacts)

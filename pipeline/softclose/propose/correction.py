@@ -97,6 +97,11 @@ class Correction:
         """(n,) what is expected before anything is learnt by points, on the scale z."""
         return np.asarray(self.rho * self.scale.z(prior_g_cm_s) + self.constant)
 
+    def believe(self, points: FloatArray) -> None:
+        """Count points (m, d) that are in flight as evaluated, with what is expected of them."""
+        for inputs in surrogate_inputs(self._problem, points) if len(points) else ():
+            self.model.believe(inputs)
+
     def screen(self, points: FloatArray, prior_g_cm_s: FloatArray) -> Looks:
         """Points (m, d) that the prior was asked about."""
         return Looks(

@@ -94,6 +94,7 @@ def propose_led(
         return _basins(problem, basins, wave, wave.start - first)
     draw = problem.generator("led", wave.start)
     records = [history[i] for i in places]
+    flying = np.clip(problem.space.coordinates_of_all(pending)[0], 0.0, 1.0)
     dealt = shares(
         problem,
         start=wave.start,
@@ -101,9 +102,10 @@ def propose_led(
         numbers=numbers,
         g=known.g_cm_s,
         indices=[o.index for o in records],
+        in_flight=[numbers[int(np.argmin(((known.points - x) ** 2).sum(axis=1)))] for x in flying],
     )
     try:
-        return _search(problem, basins, wave, known, numbers, records, dealt, pending, draw)
+        return _search(problem, basins, wave, known, numbers, records, dealt, flying, draw)
     except (np.linalg.LinAlgError, FloatingPointError, ValueError) as e:
         best = known.points[int(np.argmin(known.g_cm_s))]
         shape = basins.shapes[numbers[int(np.argmin(known.g_cm_s))]]
@@ -178,7 +180,7 @@ def _search(
     numbers: Sequence[int],
     records: Sequence[Observation],
     dealt: dict[int, int],
-    pending: Sequence[Waveform],
+    flying: FloatArray,
     draw: np.random.Generator,
 ) -> list[Proposal]:
     space, n_looks = problem.space, looks_of(problem.config)
@@ -186,6 +188,7 @@ def _search(
     for number in sorted(dealt):
         region = region_of(number, numbers=numbers, g=known.g_cm_s, waves=[o.wave for o in records])
         correction = Correction(problem, known, region.incumbent)
+        correction.believe(flying)
         searches += [
             _Search(
                 problem,
@@ -203,7 +206,6 @@ def _search(
         said = problem.prior_values(space.waveforms(asked)).g_cm_s
         for k, search in enumerate(searches):
             search.tell(said[k * GENERATION : (k + 1) * GENERATION])
-    flying = np.clip(space.coordinates_of_all(pending)[0], 0.0, 1.0)
     taken = np.vstack([known.points, flying])
     factor = too_sure(records)
     found: list[Proposal] = []

@@ -40,17 +40,25 @@ class Region:
 
 
 def shares(
-    problem: Problem, *, start: int, size: int, numbers: Sequence[int], g: FloatArray, indices: Sequence[int]
+    problem: Problem,
+    *,
+    start: int,
+    size: int,
+    numbers: Sequence[int],
+    g: FloatArray,
+    indices: Sequence[int],
+    in_flight: Sequence[int] = (),
 ) -> Counter[int]:
     """How many of the candidates from `start` on each region gets: those that have had fewest, the better ones first.
 
-    numbers, g [cm/s], indices: region, objective and index of every record that is known.
+    numbers, g [cm/s], indices: region, objective and index of every record that is known; in_flight: the region of
+    every candidate that is proposed and not known.
     """
     counts, ends = _rounds(problem)
     now = sum(start >= end for end in ends[:-1])
     begin = ends[now - 1] if now else 0
     best: dict[int, float] = {}
-    had: Counter[int] = Counter()
+    had = Counter(in_flight)
     for number, value, index in zip(numbers, g, indices, strict=True):
         had[number] += 1
         if not now or index < begin or number not in best:

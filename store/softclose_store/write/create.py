@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -40,7 +40,7 @@ def create_campaign(
     *,
     layout: Layout,
     config: Mapping[str, Any],
-    population: Mapping[str, ArrayLike],
+    population: Mapping[str, ArrayLike] | Callable[[], Mapping[str, ArrayLike]],
     algorithm: str,
     constants: Mapping[str, Constant] | None = None,
     runtime: Mapping[str, Any] | None = None,
@@ -58,8 +58,9 @@ def create_campaign(
         Stages, blocks and the time grid.
     config : mapping
         Plain JSON values; its sha256 (canonical JSON) is the campaign's fingerprint.
-    population : mapping of str to (n_switches,) array-like of float64
-        The layout's columns, such as D, G [µm], E [GPa], T [µm], K [N/m], M [µg].
+    population : mapping of str to (n_switches,) array-like of float64, or who makes it
+        The layout's columns, such as D, G [µm], E [GPa], T [µm], K [N/m], M [µg]. Who makes them is asked only where
+        there is no store yet.
     algorithm : str
         Version of the algorithms, the other half of the campaign's identity.
     constants : mapping of str to Constant, optional
@@ -95,7 +96,7 @@ def create_campaign(
         raise StoreError(f"the fingerprint given is {fingerprint}, but the configuration's is {identity}")
     if _same_campaign_exists(path, config, identity, algorithm, exist_ok=exist_ok):
         return
-    columns = population_columns(layout, population)
+    columns = population_columns(layout, population() if callable(population) else population)
     target = local_path(path)
     hierarchy = build_hierarchy(
         layout,

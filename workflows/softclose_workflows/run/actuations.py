@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,18 +24,55 @@ MOST_ROWS = 2_000
 """Switches that are actuated at once."""
 
 
+MOST_HELD_BYTES = 2.56e8
+"""Motion that is held between a lot's drawing and its store's creation. What is more is simulated twice instead: of a
+lot so large a trajectory is cheap."""
+
+
 def are_kept(config: CampaignConfig) -> bool:
     """Whether the campaign has actuations that are kept."""
     return config.store.trials and config.model.name != MEASURED and n_actuations(config) > 0
 
 
-def keep_actuations(path: str, config: CampaignConfig, *, mapper: Mapper = here) -> None:
-    """Simulate the actuations of the training ensemble as the lot's creation did, and keep their motion.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Actuated:
+    """The actuations of a part of the ensemble."""
+
+    volts: NDArray[np.float64]
+    """(actuation, switch) [V]."""
+    first_contact_us: NDArray[np.float64]
+    """(actuation, switch) [µs]."""
+    motion: dict[str, NDArray[Any]]
+    """(actuation, switch, …, time) each."""
+
+
+def actuate_lot(config: CampaignConfig, *, mapper: Mapper = here) -> list[Actuated]:
+    """The actuations of the training ensemble, part by part, before there is a store that could keep them.
+
+    [] where none are kept, or where their motion is more than is held.
+    """
+    if not are_kept(config):
+        return []
+    a_motion = 8.0 * config.store.n_times * config.n_modes
+    if a_motion * n_actuations(config) * config.n_switches_max > MOST_HELD_BYTES:
+        return []
+    sent = Sent(config)
+    return list(mapper(_actuate, [_Piece(sent, rows) for rows in _parts(config)]))
+
+
+def contacts_of(made: Sequence[Actuated]) -> list[NDArray[np.float64]]:
+    """(n_switches,) first contacts [µs] of each actuation of the whole ensemble; [] of nothing."""
+    return list(np.concatenate([part.first_contact_us for part in made], axis=1)) if made else []
+
+
+def keep_actuations(path: str, config: CampaignConfig, *, mapper: Mapper = here, made: Sequence[Actuated] = ()) -> None:
+    """Keep the motion of the actuations of the training ensemble, which are simulated again where they are not given.
 
     A pure function of the campaign; nothing is done where they are there, or where there are none.
+    made: what `actuate_lot` has simulated.
     """
     if are_kept(config) and not has_group(path, NAME):
-        _keep(path, config, mapper)
+        _keep(path, config, mapper, made)
 
 
 def actuated_again(path: str) -> str:
@@ -45,17 +84,28 @@ def actuated_again(path: str) -> str:
     return ""
 
 
-def _keep(path: str, config: CampaignConfig, mapper: Mapper) -> None:
-    n, n_made, times = config.n_switches_max, n_actuations(config), times_us(config)
-    rows = rows_of_parts(config, n, most=MOST_ROWS, motions=n_made)
+def _parts(config: CampaignConfig) -> list[range]:
+    """The rows of each part."""
+    n = config.n_switches_max
+    rows = rows_of_parts(config, n, most=MOST_ROWS, motions=n_actuations(config))
+    return [range(i, min(i + rows, n)) for i in range(0, n, rows)]
+
+
+def _keep(path: str, config: CampaignConfig, mapper: Mapper, made: Sequence[Actuated] = ()) -> None:
+    n, n_made, times, parts = config.n_switches_max, n_actuations(config), times_us(config), _parts(config)
+    rows = len(parts[0])
     keeper = Keeper.of(
         config, path, NAME, {"actuation": n_made, "switch": rows}, n_cases=1, time="time", n_times=len(times)
     )
     sent = Sent(config)
-    pieces = [_Actuated(sent, keeper, k, range(i, min(i + rows, n))) for k, i in enumerate(range(0, n, rows))]
     files: dict[str, str] = {}
     volts, first = [], []
-    for found in mapper(_actuate, pieces):
+    kept = (
+        (_kept(keeper, k, part) for k, part in enumerate(made))
+        if made
+        else mapper(_actuate_and_keep, [_Kept(sent, keeper, k, own) for k, own in enumerate(parts)])
+    )
+    for found in kept:
         files |= found.files
         volts.append(found.volts)
         first.append(found.first_contact_us)
@@ -82,8 +132,16 @@ def _keep(path: str, config: CampaignConfig, mapper: Mapper) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Actuated:
+class _Piece:
     """Rows of the ensemble that are actuated."""
+
+    sent: Sent
+    rows: range
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Rows of the ensemble that are actuated, and whose motion is kept where they are."""
 
     sent: Sent
     keeper: Keeper
@@ -102,7 +160,7 @@ class _Made:
     """(actuation, switch) [µs]."""
 
 
-def _actuate(piece: _Actuated) -> _Made:
+def _actuate(piece: _Piece) -> Actuated:
     config, rows = piece.sent.config, piece.rows
     made = actuations(
         config,
@@ -114,9 +172,16 @@ def _actuate(piece: _Actuated) -> _Made:
         **outputs_of(config),
     )
     each = [motion_of(config, [a.response]) for a in made]
-    motion = {name: np.stack([m[name] for m in each]) for name in each[0]}
-    return _Made(
-        files=piece.keeper.keep((0, piece.part), motion),
+    return Actuated(
+        motion={name: np.stack([m[name] for m in each]) for name in each[0]},
         volts=np.stack([a.volts for a in made]),
         first_contact_us=np.stack([a.response.first_contact_us for a in made]),
     )
+
+
+def _actuate_and_keep(piece: _Kept) -> _Made:
+    return _kept(piece.keeper, piece.part, _actuate(_Piece(piece.sent, piece.rows)))
+
+
+def _kept(keeper: Keeper, part: int, made: Actuated) -> _Made:
+    return _Made(files=keeper.keep((0, part), made.motion), volts=made.volts, first_contact_us=made.first_contact_us)

@@ -146,7 +146,13 @@ class Driver:
             self.stop,
             self._receive,
             self._report_prior,
+            lambda: self.is_busy,
         )
+
+    @property
+    def is_busy(self) -> bool:
+        """True where there is a block for every worker."""
+        return sum(len(flight.missing) for flight in self._flights.values()) >= max(self.executor.n_workers, 1)
 
     def run(self) -> None:
         """Return when every wave is committed; raise Stopped where the run ends earlier."""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from softclose import ALGORITHM
 from softclose.arrays import FloatArray
-from softclose.evaluate import combinations, draw
+from softclose.evaluate import combinations
 from softclose.evaluate.asked import asked
 from softclose.evaluate.chain import chain_of, device_of
+from softclose.evaluate.realise import column_names as names_of_lot
+from softclose.evaluate.realise import draw_after
 from softclose.metrics.replicates import REPLICATES
 from softclose.plugins import MEASURED
 from softclose.population.lot import COLUMNS, Lot
@@ -23,10 +27,14 @@ from softclose_workflows.run.controlled import GAIN, GAIN_IN_WORDS
 from softclose_workflows.run.runtime import runtime
 from softclose_workflows.run.tasks import times_us
 
+REPLICATE = "replicate"
+"""The column that says which scrambling a switch is of."""
 
-def create_store(config: CampaignConfig, path: str) -> None:
+
+def create_store(config: CampaignConfig, path: str, contacts: Sequence[FloatArray] = ()) -> None:
     """Create the store of a campaign, or accept the one that is there if it holds this very campaign.
 
+    contacts: (n_switches_max,) first contacts of each actuation that a trim learns from, where they have been made.
     Raises a StoreError where the store holds something else, and names what differs.
     """
     try:
@@ -37,7 +45,7 @@ def create_store(config: CampaignConfig, path: str) -> None:
             fingerprint=config.fingerprint(),
             algorithm=ALGORITHM,
             durable=config.store.durable,
-            population=population_columns(config),
+            population=lambda: population_columns(config, contacts),
             constants=constants_of(config),
             runtime=runtime(),
             exist_ok=True,
@@ -46,28 +54,29 @@ def create_store(config: CampaignConfig, path: str) -> None:
         raise StoreError(f"no store can be created at {path}: {e.strerror or e}; give a writable path") from e
 
 
-def lot_of(config: CampaignConfig) -> Lot:
+def lot_of(config: CampaignConfig, contacts: Sequence[FloatArray] = ()) -> Lot:
     """The campaign's whole ensemble, with everything that its conditions add to it."""
-    return draw(config, config.n_switches_max, seed=config.campaign.seed, sampling=config.population.sampling)
+    n, seed, sampling = config.n_switches_max, config.campaign.seed, config.population.sampling
+    return draw_after(config, n, contacts, seed=seed, sampling=sampling)
 
 
-def population_columns(config: CampaignConfig) -> dict[str, FloatArray]:
+def population_columns(config: CampaignConfig, contacts: Sequence[FloatArray] = ()) -> dict[str, FloatArray]:
     """The columns of the campaign's ensemble as they are stored, (n_switches_max,) each."""
-    lot = _numbered(config, lot_of(config))
-    return {name: lot[name] for name in lot}
+    lot = lot_of(config, contacts)
+    return {name: lot[name] for name in lot} | (
+        # A reader's intervals rest on which scrambling a switch is of.
+        {REPLICATE: np.arange(len(lot), dtype=np.float64) % REPLICATES} if _is_replicated(config) else {}
+    )
 
 
 def column_names(config: CampaignConfig) -> tuple[PopulationColumn, ...]:
     """What the columns of the campaign's ensemble are."""
-    few = _numbered(config, draw(config, 2, seed=config.campaign.seed))
-    return tuple(PopulationColumn(name, COLUMNS[name].unit, COLUMNS[name].long_name) for name in few)
+    names = (*names_of_lot(config), *([REPLICATE] if _is_replicated(config) else []))
+    return tuple(PopulationColumn(name, COLUMNS[name].unit, COLUMNS[name].long_name) for name in names)
 
 
-def _numbered(config: CampaignConfig, lot: Lot) -> Lot:
-    """The lot with the scrambling of each switch, where it is drawn in several: a reader's intervals rest on it."""
-    if config.population.sampling != "replicated":
-        return lot
-    return lot.with_columns(replicate=np.arange(len(lot)) % REPLICATES)
+def _is_replicated(config: CampaignConfig) -> bool:
+    return config.population.sampling == "replicated"
 
 
 def constants_of(config: CampaignConfig) -> dict[str, Constant]:

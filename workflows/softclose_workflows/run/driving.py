@@ -16,7 +16,7 @@ from softclose.plugins import MEASURED
 from softclose.settings import CampaignConfig
 from softclose_store import DamageError, DriverStore, StoreError, finish_extension, open_campaign, store_state, verify
 from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
-from softclose_workflows.run.actuations import keep_actuations
+from softclose_workflows.run.actuations import Actuated, actuate_lot, are_kept, contacts_of, keep_actuations
 from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store, layout_of
 from softclose_workflows.run.crew import Crew
@@ -73,8 +73,12 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
                 whole.check_plugins()
             with working(STARTING, quiet=quiet):
                 executor = opened()
+            made: list[Actuated] = []
             if config is not None and is_new:
-                create_store(config, path)
+                if are_kept(config):
+                    executor.probe("", "")
+                    made = actuate_lot(config, mapper=Crew(opened, stop))
+                create_store(config, path, contacts_of(made))
             store = stack.enter_context(DriverStore(path, expected_algorithm=ALGORITHM, break_lock=break_lock))
             _check_sizes(store, whole, path)
             say_changes(open_campaign(path).runtime)
@@ -83,7 +87,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
                 click.echo(f"Dask dashboard: {executor.dashboard}", err=True)
             listener = stack.enter_context(show_progress(quiet=quiet))
             with _still_there(path):
-                keep_actuations(path, whole, mapper=crew)
+                keep_actuations(path, whole, mapper=crew, made=made)
                 Driver(store, executor, stop=stop, listener=listener).run()
         else:
             _check_whole(path)

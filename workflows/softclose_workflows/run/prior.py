@@ -107,6 +107,9 @@ class PriorAtWork:
     """Takes what comes back meanwhile: the blocks of waves that are in flight."""
     told: Callable[[Found], None]
     """Told after every wave of the descents on the prior."""
+    is_busy: Callable[[], bool]
+    """Whether every worker has a block to compute: what was asked for now would wait behind it."""
+    _here: PriorOfStore | None = None
     _finding: Found | None = None
 
     def basins(self) -> Basins:
@@ -118,9 +121,13 @@ class PriorAtWork:
             self._finding = None
 
     def values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
-        """The prior's g of each waveform, evaluated by whoever is free."""
+        """The prior's g of each waveform, evaluated by whoever is free: by this process while every worker is busy."""
         if self._finding is not None:
             faults.point("finding-basins")
+        elif self.is_busy():
+            if self._here is None:
+                self._here = PriorOfStore(self.store, self.config)
+            return self._here.values(waveforms, n_switches)
         n = len(waveforms)
         each = max(math.ceil(n / max(2 * self.executor.n_workers, 1)), LEAST_IN_A_TASK)
         tasks = [
