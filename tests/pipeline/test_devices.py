@@ -32,6 +32,16 @@ def _fitted(n: int, seed: int) -> Population:
     return calibrate(_measured(n, seed), bounds=BOUNDS, n_bootstrap=20).population
 
 
+def test_of_few_devices_it_is_said_that_intervals_of_the_ends_hold_less_often() -> None:
+    """Unless the ends are known: docs/measurements/coverage.md has both cases."""
+    few, many = (_measured(n, 3) for n in (12, 40))
+    said = [note for note in calibrate(few, n_bootstrap=20).notes if "may hold less often than they say" in note]
+    assert len(said) == 1
+    assert said[0].startswith("of 12 devices the intervals of lower end, upper end and sd of D, G may")
+    known = calibrate(few, bounds={"D": (2.0, 2.9), "G": (3.2, 4.2)}, n_bootstrap=20).notes
+    assert not any("less often" in note for note in (*known, *calibrate(many, n_bootstrap=20).notes))
+
+
 @pytest.mark.long
 def test_the_truth_is_among_what_the_devices_leave_open() -> None:
     """Of 24 lots of 25 devices; a certificate's interval, which knows of no devices, misses it most of the time."""
