@@ -160,4 +160,4 @@ def test_what_was_written_is_said_with_its_size(tmp_path: Path, capsys: pytest.C
         (tmp_path / name).write_bytes(bytes(size))
     say_written([str(tmp_path / name) for name in sizes])
     told = [line.partition(f"{tmp_path}/")[2] for line in capsys.readouterr().out.splitlines()]
-    assert told == ["small (1 kB)", "largest-small (100 kB)", "large (0.1 MB)", "larger (7.1 MB)"]
+    assert told == ["small (1.5 kB)", "largest-small (100 kB)", "large (0.1 MB)", "larger (7.1 MB)"]

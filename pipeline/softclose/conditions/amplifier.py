@@ -100,6 +100,19 @@ UNLIMITED_kHz = 1e6
 
 @lru_cache(maxsize=64)
 def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float, gain: float = 1.0) -> AnyDrive:
+    """What of a commanded waveform reaches the switch, for the kernel; arguments as of `deliver_exactly`.
+
+    Where a generator's steps make many pieces: polynomials that have the area of them, if those are fewer.
+    """
+    exact = deliver_exactly(amplifier, waveform, horizon_us, gain)
+    if isinstance(exact, Waveform) or (amplifier.has_closed_form and amplifier.bandwidth_kHz):
+        return exact
+    return fewest(exact, horizon_us, amplifier.step_us)
+
+
+def deliver_exactly(
+    amplifier: AmplifierSection, waveform: Waveform, horizon_us: float, gain: float = 1.0
+) -> Waveform | Delivered | Pieced:
     """What of a commanded waveform reaches the switch, on [0, horizon].
 
     Parameters
@@ -115,10 +128,9 @@ def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float, 
 
     Returns
     -------
-    Waveform, Delivered, Pieced or Fitted
+    Waveform, Delivered or Pieced
         Pulses where it delivers pulses; else a closed form: steps, cosines and lines, and what a low-pass makes of
-        them. Where a generator's steps make that many pieces, polynomials that have the area of them, if those are
-        fewer.
+        them.
     """
     a = amplifier
     gain *= a.gain
@@ -133,8 +145,8 @@ def deliver(amplifier: AmplifierSection, waveform: Waveform, horizon_us: float, 
     if a.slew_volts_per_us > 0.0:
         flat = limited(*flat, a.slew_volts_per_us)
     if a.bandwidth_kHz > 0.0:
-        return fewest(behind_low_pass(a, Pieced(*flat), 1.0), horizon_us, a.step_us)
-    return fewest(Pieced(*flat).later(a.delay_us, a.offset_volts, horizon_us), horizon_us, a.step_us)
+        return behind_low_pass(a, Pieced(*flat), 1.0)
+    return Pieced(*flat).later(a.delay_us, a.offset_volts, horizon_us)
 
 
 def behind_low_pass(a: AmplifierSection, waveform: Waveform | Pieced, gain: float) -> Delivered:
@@ -219,6 +231,10 @@ class Amplifier(Condition):
     def deliver(self, command: Waveform, horizon_us: float, gain: float) -> AnyDrive:
         """What of a command reaches a switch."""
         return deliver(self.settings, command, horizon_us, gain)
+
+    def deliver_exactly(self, command: Waveform, horizon_us: float, gain: float) -> AnyDrive:
+        """The same in closed form, however many pieces it has."""
+        return deliver_exactly(self.settings, command, horizon_us, gain)
 
 
 def _delivering(a: AmplifierSection) -> str:

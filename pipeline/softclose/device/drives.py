@@ -31,6 +31,9 @@ class Delivery(Protocol):
     def deliver(self, command: Waveform, horizon_us: float, gain: float) -> AnyDrive:
         """What of a command reaches the switch on [0, horizon], its gain multiplied by another."""
 
+    def deliver_exactly(self, command: Waveform, horizon_us: float, gain: float) -> AnyDrive:
+        """The same in closed form: what a kernel reads may be polynomials of the same area."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drives:
@@ -59,6 +62,12 @@ class Drives:
         if self.delivery is None or self.delivery.is_ideal:
             return scaled(self.command, volts * gain, times)
         return self.delivery.deliver(scaled(self.command, volts, times), horizon_us, gain)
+
+    def nominal(self, horizon_us: float) -> AnyDrive:
+        """What reaches the nominal switch, in closed form: whose slope and volts at an instant are asked for."""
+        if isinstance(self.command, Trace) or self.delivery is None or self.delivery.is_ideal:
+            return self.command
+        return self.delivery.deliver_exactly(self.command, horizon_us, 1.0)
 
 
 def product(a: FloatArray | None, b: FloatArray | None) -> FloatArray | None:

@@ -117,7 +117,7 @@ def held_voltages(chain: Chain, lot: Lot, waveform: Drive, drives: Drives | None
     volts, times, gain = (ones if f is None else f for f in (drives.volts, drives.times, drives.gain))
     delivery = drives.delivery
     if drives.is_common or not isinstance(waveform, Waveform) or delivery is None or delivery.is_linear:
-        return np.asarray(volts * gain * float(drives.delivered(horizon).voltage(horizon)))
+        return np.asarray(volts * gain * float(drives.nominal(horizon).voltage(horizon)))
     each, which = np.unique(np.stack([volts, times, gain], axis=1), axis=0, return_inverse=True)
     last = [float(drives.delivered(horizon * b, a, b, g).voltage(horizon * b)) for a, b, g in each]
     return np.array(last)[which.reshape(-1)]
@@ -286,8 +286,8 @@ def _looks(c: Closing) -> tuple[FloatArray, FloatArray]:
     """Instants [µs] and volts of the common drive as it is delivered."""
     horizon = c.chain.device.horizon_us
     t = np.linspace(0.0, horizon, math.ceil(LOOKS_PER_US * horizon) + 1)
-    nominal = drives_of(c.chain, c.lot, c.waveform, for_everybody=True)
-    return t, np.asarray(nominal.delivered(horizon).voltage(t))
+    drives = drives_of(c.chain, c.lot, c.waveform, for_everybody=True)
+    return t, np.asarray(drives.nominal(horizon).voltage(t))
 
 
 def _peak(c: Closing) -> FloatArray:
