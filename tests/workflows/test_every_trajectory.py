@@ -30,6 +30,7 @@ from softclose_workflows.run import actuations, creation, opening, releases, tas
 
 SMALL = {
     "prior.model": "none",
+    "prior.control": 0,
     "population.n_switches": 16,
     "finish.n_switches": 32,
     "finish.n_basins": 2,
