@@ -9,10 +9,13 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
+from softclose import Responses
 from softclose.switch.reduced_order import ReducedOrder
 from softclose.waveform import Drive
 
@@ -191,3 +194,38 @@ def oracle(modes: ReducedOrder, switch: np.ndarray, **others: object) -> ModalSw
         electrode=np.array([mode.electrode for mode in modes.mode]),
         **others,  # type: ignore[arg-type]
     )
+
+
+def agree(fast: Responses, tight: Responses, moves: Any = slice(None)) -> None:
+    """Assert that a kernel says what its twin does of the switches, those that graze apart (SPEC §8).
+
+    fast: of n switches. tight: of these, and of them twice more with a travel that is a little larger, and smaller:
+    where the three differ in their impacts, a switch grazes. moves: (n,) those whose motion is compared.
+    """
+    n = len(fast.status)
+    count, closed = tight.n_impacts.reshape(3, n), tight.closed.reshape(3, n)
+    regular = (count == count[0]).all(axis=0) & (closed == closed[0]).all(axis=0)
+    assert regular.mean() >= 0.3
+    np.testing.assert_array_equal(fast.n_impacts[regular], count[0, regular])
+    np.testing.assert_array_equal(fast.closed[regular], closed[0, regular])
+    speeds = fast.max_contact_speed, tight.max_contact_speed[:n]
+    np.testing.assert_allclose(speeds[0][regular], speeds[1][regular], atol=1e-5)  # 1e-3 cm/s
+    assert fast.impact_speed is not None
+    assert tight.impact_speed is not None
+    np.testing.assert_allclose(fast.impact_speed[regular, :6], tight.impact_speed[:n][regular, :6], atol=1e-5)
+    assert fast.x is not None
+    assert tight.x is not None
+    moving = np.zeros(n, dtype=bool)
+    moving[moves] = True
+    np.testing.assert_allclose(fast.x[regular & moving], tight.x[:n][regular & moving], atol=1e-5)
+
+
+def impacts_agree(found: Responses, oracle: ModalSwitch) -> int:
+    """Assert that the first six impacts of one switch are the oracle's; how many were compared."""
+    assert found.impact_time_us is not None
+    assert found.impact_speed is not None
+    expected = oracle.impacts[:6]
+    for j, (t, speed) in enumerate(expected):
+        assert found.impact_time_us[0, j] == pytest.approx(t, abs=1e-5)
+        assert found.impact_speed[0, j] == pytest.approx(speed, abs=1e-6)
+    return len(expected)

@@ -25,6 +25,23 @@ SMALL = (
 )
 """Three blocks a candidate; a wave of four design points, then four of the surrogate, one a wave."""
 
+LED = (
+    "population.n_switches=40",
+    "store.n_times=11",
+    "store.max_impacts=3",
+    "explore.generation=6",
+    "explore.n_scouts=6",
+    "optimiser.n_regions=2",
+    "optimiser.batch=2",
+    "prior.n_switches=24",
+    "prior.n_exploring=12",
+    "prior.budget=60",
+    "prior.n_descents=2",
+    "prior.polish=14",
+    "prior.looks=24",
+)
+"""Waves of two candidates, by a Gaussian process that starts from a prior whose basins are found in a second."""
+
 
 def command(*arguments: str) -> list[str]:
     """The command line of `softclose` under this interpreter."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from campaigns import softclose, softclose_process
+from campaigns import LED, softclose, softclose_process
 from softclose.propose.protocol import Problem
 from softclose.settings import load_config
 from softclose_store import DriverStore, faults, open_campaign
@@ -26,24 +26,7 @@ from stores import differences
 
 LAG = 3
 
-SETTINGS = (
-    f"campaign.lag={LAG}",
-    "campaign.budget=22",
-    "population.n_switches=40",
-    "compute.block_switches=10",
-    "store.n_times=11",
-    "store.max_impacts=3",
-    "explore.generation=6",
-    "explore.n_scouts=6",
-    "optimiser.n_regions=2",
-    "optimiser.batch=2",
-    "prior.n_switches=24",
-    "prior.n_exploring=12",
-    "prior.budget=60",
-    "prior.n_descents=2",
-    "prior.polish=14",
-    "prior.looks=24",
-)
+SETTINGS = (*LED, f"campaign.lag={LAG}", "campaign.budget=22", "compute.block_switches=10")
 """Eleven waves of two candidates, each of eight blocks; the Gaussian process from a prior."""
 
 

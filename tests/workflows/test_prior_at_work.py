@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from campaigns import softclose, softclose_process
+from campaigns import LED, softclose, softclose_process
 from examples import in_turn
 from softclose.propose.promises import PriorError, PriorValues
 from softclose.propose.protocol import Problem
@@ -27,25 +27,7 @@ from softclose_workflows.run.prior import GROUP, PriorAtWork, PriorTask, read_ba
 from softclose_workflows.run.stopping import StopRequest
 from stores import differences
 
-SETTINGS = (
-    "campaign.budget=10",
-    "population.n_switches=40",
-    "compute.block_switches=80",
-    "store.n_times=11",
-    "store.max_impacts=3",
-    "explore.generation=6",
-    "explore.n_scouts=6",
-    "optimiser.n_regions=2",
-    "optimiser.batch=2",
-    "prior.n_switches=24",
-    "prior.n_exploring=12",
-    "prior.budget=60",
-    "prior.n_descents=2",
-    "prior.polish=14",
-    "prior.looks=24",
-    "finish.budget=0",
-    "explore.budget=0",
-)
+SETTINGS = (*LED, "campaign.budget=10", "compute.block_switches=80", "finish.budget=0", "explore.budget=0")
 
 
 def made(path: Path, *settings: str) -> Path:

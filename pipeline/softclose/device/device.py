@@ -90,7 +90,7 @@ class Device:
             **{"horizon_us": self.horizon_us} | own | self._own() | outputs,
         )
         command, delivery = drives.command, drives.delivery
-        as_commanded = isinstance(command, Trace) or delivery is None or delivery.is_ideal
+        as_commanded = drives.in_between is None
         if not (drives.is_common and as_commanded):  # else the model looks for itself
             command.check(max_volts, self.horizon_us)
             max_volts = math.inf

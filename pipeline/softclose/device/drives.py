@@ -55,19 +55,24 @@ class Drives:
         """Whether one and the same drive reaches every switch."""
         return self.volts is None and self.times is None and self.gain is None
 
+    @property
+    def in_between(self) -> Delivery | None:
+        """What changes the command on its way; None where the command itself reaches the switches."""
+        if isinstance(self.command, Trace) or self.delivery is None or self.delivery.is_ideal:
+            return None
+        return self.delivery
+
     def delivered(self, horizon_us: float, volts: float = 1.0, times: float = 1.0, gain: float = 1.0) -> AnyDrive:
         """What reaches a switch whose command is scaled so; horizon [µs]: of that switch."""
-        if isinstance(self.command, Trace):
+        if isinstance(self.command, Trace) or self.in_between is None:
             return scaled(self.command, volts * gain, times)
-        if self.delivery is None or self.delivery.is_ideal:
-            return scaled(self.command, volts * gain, times)
-        return self.delivery.deliver(scaled(self.command, volts, times), horizon_us, gain)
+        return self.in_between.deliver(scaled(self.command, volts, times), horizon_us, gain)
 
     def nominal(self, horizon_us: float) -> AnyDrive:
         """What reaches the nominal switch, in closed form: whose slope and volts at an instant are asked for."""
-        if isinstance(self.command, Trace) or self.delivery is None or self.delivery.is_ideal:
+        if isinstance(self.command, Trace) or self.in_between is None:
             return self.command
-        return self.delivery.deliver_exactly(self.command, horizon_us, 1.0)
+        return self.in_between.deliver_exactly(self.command, horizon_us, 1.0)
 
 
 def product(a: FloatArray | None, b: FloatArray | None) -> FloatArray | None:

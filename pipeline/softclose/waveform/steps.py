@@ -76,16 +76,20 @@ def _curve(rows: FloatArray, level: float, t: FloatArray) -> FloatArray:
     return np.asarray(level + (amplitude * np.cos(omega * (t - origin))).sum(axis=0))
 
 
+def _slope(rows: FloatArray, t: FloatArray) -> FloatArray:
+    amplitude, omega, origin = rows.T[:, :, None]
+    return np.asarray(-(amplitude * omega * np.sin(omega * (t - origin))).sum(axis=0))
+
+
 def _crossings(rows: FloatArray, level: float, begin: float, end: float, step: float) -> tuple[FloatArray, FloatArray]:
     """Instants at which a ramp is rounded to another voltage, and those voltages; NaN where they are too many."""
     looks = np.linspace(begin, end, _LOOKS)
-    slope = -(rows[:, 0, None] * rows[:, 1, None] * np.sin(rows[:, 1, None] * (looks - rows[:, 2, None]))).sum(axis=0)
+    slope = _slope(rows, looks)
     turning = np.flatnonzero(slope[1:] * slope[:-1] < 0.0)
     low, high = looks[turning], looks[turning + 1]
     for _ in range(50):
         middle = 0.5 * (low + high)
-        rate = -(rows[:, 0, None] * rows[:, 1, None] * np.sin(rows[:, 1, None] * (middle - rows[:, 2, None]))).sum(0)
-        same = rate * slope[turning] > 0.0
+        same = _slope(rows, middle) * slope[turning] > 0.0
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     looks = np.sort(np.append(looks, 0.5 * (low + high)))
     whole = np.round(_curve(rows, level, looks) / step)

@@ -196,10 +196,7 @@ def _repair_frame(path: StorePath, recompute: Recompute, report: Report, log: _L
     """Root, its copy, runtime, array metadata and static arrays."""
     where = normalised(path)
     files = open_files(path, read_only=False)
-    try:
-        root: Root | None = decode_root(look_at(files, ROOT_KEY) or b"", where)
-    except StoreError:
-        root = None
+    root = _root(files, where)
     source = root or read_backup(files, where)
     if any(p.key == ROOT_KEY for p in report.problems):  # it can be read, and is of an earlier time
         root = None
@@ -398,15 +395,18 @@ def _remove_pending(store: RepairStore, report: Report, log: _Log) -> None:
         )
 
 
+def _root(files: Store, where: str) -> Root | None:
+    """The root as it lies there; None where it cannot be read."""
+    try:
+        return decode_root(look_at(files, ROOT_KEY) or b"", where)
+    except StoreError:
+        return None
+
+
 def _listed(path: StorePath) -> dict[str, dict[str, Any]]:
     """What the root lists of result groups before anything is repaired: what is lost is not listed afterwards."""
-    where = normalised(path)
-    files = open_files(path, read_only=True)
-    try:
-        return decode_root(look_at(files, ROOT_KEY) or b"", where).listed
-    except StoreError:
-        backup = read_backup(files, where)
-        return {} if backup is None else backup.listed
+    root = _root(open_files(path, read_only=True), normalised(path))
+    return {} if root is None else root.listed  # the copy of a root that is lost is from the creation: it lists none
 
 
 def _repair_groups(
