@@ -7,12 +7,20 @@ Softclose, and needs nothing but the package that it asks.
 from __future__ import annotations
 
 import json
+import random
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-Search = Iterator[list[float]]
+
+def uniform(dim: int, seed: int, budget: int) -> Any:
+    """No search: what the coordinates alone are worth."""
+    draws = random.Random(seed)
+    for _ in range(budget):
+        yield [draws.random() for _ in range(dim)]
 
 
 def optuna_with(sampler: Callable[[Any, int], Any]) -> Callable[[int, int, int], Any]:
@@ -66,13 +74,69 @@ def nevergrad_ngopt(dim: int, seed: int, budget: int) -> Any:
         optimiser.tell(candidate, (yield [float(v) for v in candidate.value]))
 
 
+def smac_with(facade: str) -> Callable[[int, int, int], Any]:
+    """A facade of SMAC3 with its own settings: initial design, model and acquisition."""
+
+    def search(dim: int, seed: int, budget: int) -> Any:
+        import ConfigSpace
+        import smac
+        from smac.runhistory.dataclasses import TrialValue
+
+        space = ConfigSpace.ConfigurationSpace({f"x{i}": (0.0, 1.0) for i in range(dim)}, seed=seed)
+
+        def never(config: Any, seed: int = 0) -> float:
+            raise RuntimeError("SMAC is asked and told; it evaluates nothing itself")
+
+        with tempfile.TemporaryDirectory() as folder:
+            scenario = smac.Scenario(
+                space, deterministic=True, n_trials=budget, seed=seed, output_directory=Path(folder)
+            )
+            optimiser = getattr(smac, facade)(scenario, never, logging_level=False)
+            for _ in range(budget):
+                trial = optimiser.ask()
+                value = yield [float(trial.config[f"x{i}"]) for i in range(dim)]
+                optimiser.tell(trial, TrialValue(cost=value))
+
+    return search
+
+
+def botorch_log_ei(dim: int, seed: int, budget: int) -> Any:
+    """BoTorch's single-task process and its logarithm of the expected improvement, after 20 points of Sobol's."""
+    import torch
+    from botorch.acquisition import LogExpectedImprovement
+    from botorch.fit import fit_gpytorch_mll
+    from botorch.models import SingleTaskGP
+    from botorch.models.transforms import Standardize
+    from botorch.optim import optimize_acqf
+    from gpytorch.mlls import ExactMarginalLogLikelihood
+
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    bounds = torch.tensor([[0.0] * dim, [1.0] * dim], dtype=torch.float64)
+    points = torch.quasirandom.SobolEngine(dim, scramble=True, seed=seed).draw(min(20, budget), dtype=torch.float64)
+    values: list[float] = []
+    for asked in range(budget):
+        if asked == len(points):
+            y = -torch.tensor(values, dtype=torch.float64)[:, None]
+            model = SingleTaskGP(points, y, outcome_transform=Standardize(m=1))
+            fit_gpytorch_mll(ExactMarginalLogLikelihood(model.likelihood, model))
+            improvement = LogExpectedImprovement(model, best_f=y.max())
+            found, _ = optimize_acqf(improvement, bounds, q=1, num_restarts=8, raw_samples=256)
+            points = torch.cat([points, found])
+        values.append((yield points[asked].tolist()))
+
+
 PEERS: dict[str, Callable[[int, int, int], Any]] = {
+    "random": uniform,
     "optuna-tpe": optuna_with(lambda optuna, seed: optuna.samplers.TPESampler(seed=seed, multivariate=True)),
     "optuna-gp": optuna_with(lambda optuna, seed: optuna.samplers.GPSampler(seed=seed)),
     "optuna-cma": optuna_with(lambda optuna, seed: optuna.samplers.CmaEsSampler(seed=seed)),
     "cma": cma_es,
     "skopt": plain_skopt,
     "nevergrad": nevergrad_ngopt,
+    "smac-forest": smac_with("HyperparameterOptimizationFacade"),
+    "smac-gp": smac_with("BlackBoxFacade"),
+    "botorch": botorch_log_ei,
 }
 
 
