@@ -1,19 +1,21 @@
 """Owns writing groups beside the campaign's own arrays: named results such as a certification.
 
-A result group is built in memory and copied with its own zarr.json last, so it is there as a whole or not at all; then
-the root lists it (`listing.py`).
+A result group is written with its own zarr.json last, so it is there as a whole or not at all; then the root lists it
+(`listing.py`). Its values are encoded a block at a time: they may be more than fits into memory.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import zarr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from zarr.abc.buffer import Buffer
 from zarr.abc.store import Store
 from zarr.codecs import BloscCodec, Crc32cCodec
@@ -39,6 +41,31 @@ from softclose_store.schema import digests
 from softclose_store.schema.group_metadata import COPY_NAME, FILES, NAME, OWN, GroupMetadata
 from softclose_store.schema.opening import read_root
 
+MOST_CHUNK = 65_536
+"""Values along any dimension of a chunk, at most."""
+
+TOGETHER_BYTES = 16_000_000
+"""Values that are encoded together, about: their chunks on several threads, and no more of them in memory at once."""
+
+
+@runtime_checkable
+class Blocks(Protocol):
+    """Values that are put together only where they are read."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Sizes."""
+        ...
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type: of numbers or booleans."""
+        ...
+
+    def block(self, where: tuple[slice, ...]) -> NDArray[Any]:
+        """The values there; each is asked for once."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupArray:
@@ -46,7 +73,7 @@ class GroupArray:
 
     dims: tuple[str, ...]
     """Dimension names."""
-    values: ArrayLike
+    values: ArrayLike | Blocks
     """The values: numbers, booleans or text."""
     unit: str = "1"
     """Unit."""
@@ -105,23 +132,41 @@ def write_group(
     last = f"{name}/zarr.json"
     if not replace and read_key(files, last) is not None:
         raise StoreExistsError(f"{where} has a group {name} already; give it another name")
-    contents = _build(name, arrays, attributes, parts)
-    contents.pop("zarr.json")
-    written = {f"{name}/{member}" for array in parts.values() for member in array.files}
-    parents = set(parents_of(name))
+    building = _created(name, arrays, parts)
+    documents = building.documents()
+    documents.pop("zarr.json")
+    own = documents.pop(last)
+    parents = parents_of(name)
     known = metadata_of(files, name, list_keys(files)) if replace else None
     old = [] if known is None else known.keys
     if replace:  # readers of the list would take the arrays that come for those that were
         list_groups_again(path, but=name)
-    copies = {key for key in contents if key.endswith(f"/{COPY_NAME}")}
+    written = {f"{name}/{member}": digest for array in parts.values() for member, digest in array.files.items()}
+
+    def put(key: str, content: bytes) -> None:
+        faults.point("inside-group")
+        write_key(files, key, content)
+        written[key] = digests.sha256(content)
+
     # The metadata last, the copy before them: at every instant one of the two says what the group is, the old one or
     # the new, and from that a repair makes it whole. Nothing goes before its replacement is there.
-    for key in sorted(contents, key=lambda key: (key == last, key in copies, key not in parents, key)):
+    for key in parents:
         faults.point("inside-group")
-        if key not in parents or read_key(files, key) is None:
-            write_key(files, key, contents[key])
+        if read_key(files, key) is None:
+            write_key(files, key, documents[key])
+    for array in sorted({*arrays, *parts}):
+        if array in arrays:
+            for key, content in building.chunks(array, name):
+                put(key, content)
+        put(f"{name}/{array}/zarr.json", documents[f"{name}/{array}/zarr.json"])
+    metadata = _metadata(name, own, attributes, {key.removeprefix(f"{name}/"): d for key, d in written.items()})
+    if arrays:
+        member = f"{min(arrays)}/{COPY_NAME}"
+        metadata = metadata.with_copy(member)
+        put(f"{name}/{member}", metadata.copy())
+    put(last, metadata.encode())
     for key in old:
-        if key not in contents and key not in written:
+        if key not in written:
             delete_key(files, key)
     list_groups_again(path)
 
@@ -131,52 +176,80 @@ def parents_of(name: str) -> list[str]:
     return [f"{parent}/zarr.json" for parent in ways(name)[:-1]]
 
 
-def _build(
-    name: str, arrays: Mapping[str, GroupArray], attributes: Mapping[str, Any], parts: Mapping[str, Parts]
-) -> dict[str, bytes]:
+def _created(name: str, arrays: Mapping[str, GroupArray], parts: Mapping[str, Parts]) -> _Building:
+    """A group of that name in memory, its arrays without values."""
     buffers: dict[str, Buffer] = {}
     group = zarr.create_group(MemoryStore(buffers))
     result = group.create_group(name)
+    building = _Building(buffers)
     for key, array in arrays.items():
-        values = np.asarray(array.values)
-        if values.dtype.kind in "OTUS":
+        values: NDArray[Any] | Blocks = array.values if isinstance(array.values, Blocks) else np.asarray(array.values)
+        if isinstance(values, np.ndarray) and values.dtype.kind in "OTUS":
             values = values.astype(np.dtypes.StringDType())
         elif values.dtype.kind not in "biuf":
             raise StoreError(f"array {key} of group {name} is of type {values.dtype}; it must be numbers or text")
         is_text = values.dtype.kind == "T"
-        stored = result.create_array(
-            key,
-            shape=values.shape,
-            chunks=tuple(max(1, min(n, 65_536)) for n in values.shape),
-            dtype="str" if is_text else values.dtype,
-            dimension_names=array.dims,
-            # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
-            config={"write_empty_chunks": True},
-            fill_value="" if is_text else np.zeros((), values.dtype)[()],
-            compressors=[Crc32cCodec()]
-            if is_text or values.ndim == 0
-            else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
-            attributes={"units": array.unit, "long_name": array.long_name},
+        building.arrays[key] = (
+            values,
+            result.create_array(
+                key,
+                shape=values.shape,
+                chunks=tuple(max(1, min(n, MOST_CHUNK)) for n in values.shape),
+                dtype="str" if is_text else values.dtype,
+                dimension_names=array.dims,
+                # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
+                config={"write_empty_chunks": True},
+                fill_value="" if is_text else np.zeros((), values.dtype)[()],
+                compressors=[Crc32cCodec()]
+                if is_text or not values.shape
+                else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
+                attributes={"units": array.unit, "long_name": array.long_name},
+            ),
         )
-        stored[...] = values
     for key, part in parts.items():
         result.create_array(key, **options(part.array, part.shape))
-    contents = {key: value.to_bytes() for key, value in buffers.items()}
-    own = f"{name}/zarr.json"
-    document = json.loads(contents[own])
-    document["attributes"] = json.loads(digests.canonical_json(attributes)) | {NAME: name}
-    document["attributes"][FILES] = {
-        key.removeprefix(f"{name}/"): digests.sha256(content)
-        for key, content in contents.items()
-        if key.startswith(f"{name}/") and key != own
-    } | {member: digest for part in parts.values() for member, digest in part.files.items()}
-    metadata = GroupMetadata(name, document)
-    if arrays:
-        member = f"{min(arrays)}/{COPY_NAME}"
-        metadata = metadata.with_copy(member)
-        contents[f"{name}/{member}"] = metadata.copy()
-    contents[own] = metadata.encode()
-    return contents
+    return building
+
+
+@dataclass(slots=True)
+class _Building:
+    """A group on its way into a store: its metadata in memory, its values encoded as they are asked for."""
+
+    buffers: dict[str, Buffer]
+    """Of the group in memory, by key."""
+    arrays: dict[str, tuple[NDArray[Any] | Blocks, zarr.Array[Any]]] = field(default_factory=dict)
+    """Values, and the array that encodes them."""
+
+    def documents(self) -> dict[str, bytes]:
+        """Keys and bytes of the metadata."""
+        return {key: value.to_bytes() for key, value in self.buffers.items() if key.endswith("zarr.json")}
+
+    def chunks(self, key: str, prefix: str) -> Iterator[tuple[str, bytes]]:
+        """Keys and bytes of the chunks of an array, a block of them in memory at a time."""
+        values, encoder = self.arrays[key]
+        for where in _blocks(encoder, values.dtype.itemsize):
+            encoder[where] = values[where] if isinstance(values, np.ndarray) else values.block(where)
+            for chunk in sorted(k for k in self.buffers if k.startswith(f"{prefix}/{key}/c")):
+                yield chunk, self.buffers.pop(chunk).to_bytes()
+
+
+def _blocks(array: zarr.Array[Any], item_bytes: int) -> Iterator[tuple[slice, ...]]:
+    """Whole chunks of an array, as many along its last axis as are encoded together."""
+    if not array.ndim:
+        yield ()
+        return
+    each = item_bytes * math.prod(array.chunks)
+    steps = [*array.chunks[:-1], array.chunks[-1] * max(TOGETHER_BYTES // each, 1)]
+    starts = (range(0, n, step) for n, step in zip(array.shape, steps, strict=True))
+    for corner in itertools.product(*starts):
+        yield tuple(slice(i, min(i + step, n)) for i, step, n in zip(corner, steps, array.shape, strict=True))
+
+
+def _metadata(name: str, document: bytes, attributes: Mapping[str, Any], files: Mapping[str, str]) -> GroupMetadata:
+    """The metadata of a group with its attributes and the digests of its files."""
+    whole = json.loads(document)
+    whole["attributes"] = json.loads(digests.canonical_json(attributes)) | {NAME: name, FILES: dict(files)}
+    return GroupMetadata(name, whole)
 
 
 def list_groups(path: StorePath, prefix: str = "") -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,6 +71,20 @@ def test_stretching_and_a_dielectric_change_hold_and_force_as_by_hand(cubic: flo
     assert statics.holding_voltage(s, model, AREA)[0] == pytest.approx(math.sqrt(back / per_volt), rel=1e-6)
     volts = 1.2 * math.sqrt(back / per_volt)
     assert statics.contact_force(s, volts, model, AREA)[0] == pytest.approx(per_volt * volts**2 - back, rel=1e-6)
+
+
+@pytest.mark.parametrize("cubic", [0.0, 0.1])
+def test_stiffness_that_does_not_change_is_looked_at_once(cubic: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, s = modes(Mode(frequency_kHz=20.0, cubic_per_um2=cubic), Mode(frequency_kHz=55.0)), switch(2.43, 3.68)
+    held, rounds, looked = statics.holding_voltage(s, model, AREA), [0], statics.compliances
+
+    def counted(*arguments: Any) -> Any:
+        rounds[0] += 1
+        return looked(*arguments)
+
+    monkeypatch.setattr(statics, "compliances", counted)
+    assert statics.holding_voltage(s, model, AREA) == held
+    assert (rounds[0] > 1) == (cubic > 0.0)
 
 
 TABLE = Capacitance(

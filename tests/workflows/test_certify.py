@@ -29,6 +29,7 @@ from softclose_workflows.analyses.certify import (
     certify,
     certify_again,
     choose_distinct,
+    drawn_fresh,
     fresh_switches,
     read_certification,
     reference_designs,
@@ -36,6 +37,7 @@ from softclose_workflows.analyses.certify import (
 )
 from softclose_workflows.analyses.chosen import choose
 from softclose_workflows.analyses.drive_off import GAINS, drive_off_lines, drive_off_to_json
+from softclose_workflows.analyses.hold import holds_of
 from softclose_workflows.cli import main
 
 N = 1500
@@ -180,6 +182,44 @@ def test_pieces_of_the_fresh_switches_make_the_same_ensemble(store: str, monkeyp
     assert pieces.status.dtype == np.int8
     assert np.nanmean(other.max_contact_speed) < np.nanmean(whole.max_contact_speed)
     assert steps == [(40, 100), (80, 100), (100, 100)]
+
+
+def test_a_certificate_that_memory_does_not_hold_is_the_same_to_the_byte(
+    store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Responses in a file, the lot and its hold margins drawn by whoever simulates."""
+    config = CampaignConfig.from_dict(open_campaign(store).config)
+
+    def certified(name: str) -> tuple[Any, Any, dict[str, bytes]]:
+        path = shutil.copytree(store, tmp_path / name)
+        result = certify(str(path), n_switches=2_100, top=3)
+        group = path / "certification" / "2100-1"
+        files = {str(p.relative_to(group)): p.read_bytes() for p in group.rglob("*") if p.is_file()}
+        return result, holds_of(config, result), files
+
+    plain, holds, files = certified("plain.zarr")
+    asked: list[int] = []
+
+    def elsewhere(function: Any, pieces: Any, /) -> Any:
+        pieces = list(pieces)
+        asked.append(len(pieces))
+        return map(function, pieces)
+
+    monkeypatch.setattr("softclose.evaluate.gathered.MOST_BYTES", 0)
+    monkeypatch.setattr("softclose.evaluate.pieces.rows_a_piece", lambda *_, **__: 400)
+    for module in ("certify", "hold"):
+        monkeypatch.setattr(f"softclose_workflows.analyses.{module}.MANY", 2_000)
+    large, same, others = certified("large.zarr")
+    assert files
+    assert others == files
+    assert same == holds
+    assert [d.assessment for d in large.candidates] == [d.assessment for d in plain.candidates]
+    assert not large.best.response.closed.flags.owndata
+    assert holds_of(config, large, mapper=elsewhere) == holds
+    assert drawn_fresh(config, 2_001, seed=1, mapper=elsewhere)["K"].shape == (2_001,)
+    assert asked == [6, 6]
+    drawn_fresh(config, 2_000, seed=1, mapper=elsewhere)
+    assert asked == [6, 6], "few are drawn here"
 
 
 def test_the_best_distinct_waveforms_are_those_of_promise_and_the_incumbent() -> None:

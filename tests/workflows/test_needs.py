@@ -210,3 +210,15 @@ def test_a_block_that_a_worker_cannot_hold_is_named_with_the_one_that_fits() -> 
     assert block_memory.of_worker(smaller) <= 0.5 * needed < block_memory.of_worker(larger)
     assert "give workers more memory" in block_memory.too_large_for(config, 1e6)
     assert "has 0 MB left" in block_memory.too_large_for(config, -1e6)
+
+
+def test_temporary_files_that_do_not_fit_are_refused_with_the_folder_that_they_would_fill(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(needs.shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(0, 0, 3e8))
+    needs.check_fresh(800_000, 12)
+    with pytest.raises(needs.NeedsError, match=rf"360 MB of temporary files, of which 300 MB are free at {tmp_path}"):
+        needs.check_fresh(1_000_000, 12)
+    twice = needs.of_all([needs.of_fresh(800_000, 12), needs.of_fresh(700_000, 12)])
+    assert twice.scratch_bytes == needs.of_fresh(800_000, 12).scratch_bytes, "one after the other"

@@ -261,8 +261,16 @@ def _closed(c: Closing, values: FloatArray) -> FloatArray:
     return np.where(np.asarray(c.response.closed), values, math.nan)
 
 
+def hold_margins(chain: Chain, lot: Lot, held_V: FloatArray) -> FloatArray:
+    """(n,) hold voltage above the voltage at which each switch lets go [V]; NaN for a model of somebody else's.
+
+    held_V: (n,) voltage at each switch at the end of the simulation [V].
+    """
+    return np.asarray(np.abs(held_V) - chain.device.holding_voltage(lot.switches))
+
+
 def _margin(c: Closing) -> FloatArray:
-    return np.abs(c.held_V) - c.chain.device.holding_voltage(c.lot.switches)
+    return hold_margins(c.chain, c.lot, c.held_V)
 
 
 def _contact_force(c: Closing) -> FloatArray:

@@ -132,7 +132,7 @@ def holding_voltage(
     """
     s = np.asarray(switches, dtype=np.float64).reshape(-1, 4)
     reaction, ratios, q = -1e-3 * adhesion_uN, modes.ratios(), _at_contact(s, modes)
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if ratios[:, 5].any() else 1):  # a mode that does not stretch has one stiffness
         cc, ce, ee = compliances(s, modes, q)
         force = (s[:, :1] + cc * reaction) / ce
         q = (ratios[:, 4] * force - ratios[:, 3] * reaction) / _stiffness(s, modes, q)

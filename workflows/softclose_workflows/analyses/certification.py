@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from softclose.evaluate import judge
 from softclose.evaluate.asked import told
+from softclose.evaluate.gathered import put_judged_aside
 from softclose.evaluate.quantities import Value
 from softclose.evaluate.touching import contacts
 from softclose.metrics.objective import Assessment, Judged
@@ -179,6 +180,7 @@ def assemble(
             values=told(config, responses[name], assessment, fresh=True),
             contacts=contacts(config, responses[name], assessment, fresh=True),
         )
+        put_judged_aside(responses[name])
         (references if i is None else candidates).append(certified)
     # Ties stay in the order of the campaign, so that the order depends on nothing but the candidates.
     candidates.sort(key=lambda d: (d.assessment.rank_cm_s, d.candidate))

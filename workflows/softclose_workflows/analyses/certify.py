@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from softclose.arrays import FloatArray
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
-from softclose.evaluate.pieces import Mapper, Sent, here, joined_judged, light, rows_of_pieces
+from softclose.evaluate.gathered import Gathering
+from softclose.evaluate.pieces import Mapper, Sent, here, light, rows_of_pieces
 from softclose.metrics.intervals import least_for_quantile_interval
 from softclose.metrics.objective import Judged
 from softclose.metrics.ranking import is_beyond
@@ -42,6 +44,9 @@ from softclose_workflows.tell.console import OnStep
 
 N_REFERENCES = 2
 """Reference designs at most."""
+
+MANY = 200_000
+"""New switches from which on they are drawn by whoever simulates: fewer take this process less than a second."""
 
 DISTINCT_VOLTS = 0.25
 """Waveforms whose voltages differ by less than this (root mean square over the horizon) count as one."""
@@ -93,7 +98,7 @@ def certify(
     if store_trajectories:
         have |= keep_request(campaign, config, request, mapper=mapper, listener=listener)
     result = certified_on(campaign, config, request, have, mapper=mapper, listener=listener)
-    write_certificate(path, result, fresh_switches(config, n_switches, seed=seed))
+    write_certificate(path, result, drawn_fresh(config, n_switches, seed=seed, mapper=mapper))
     if store_trajectories:
         keep_releases(path, config, result, mapper=mapper)
     return result
@@ -170,7 +175,7 @@ def certify_again(path: str, name: str, attributes: Mapping[str, Any] | None) ->
             "finish the campaign (softclose resume), then certify again"
         )
     config = CampaignConfig.from_dict(campaign.config)
-    fresh = fresh_switches(config, request.n_switches, seed=request.seed)
+    fresh = drawn_fresh(config, request.n_switches, seed=request.seed)
     write_certificate(path, certified_on(campaign, config, request, {}), fresh)
 
 
@@ -265,6 +270,31 @@ def fresh_switches(config: CampaignConfig, n: int, *, seed: int, start: int = 0)
     return draw(config, n, seed=seed, start=start, ensemble=Ensemble.CERTIFICATE)
 
 
+def drawn_fresh(config: CampaignConfig, n: int, *, seed: int, mapper: Mapper = here) -> Lot:
+    """`fresh_switches` of the first n, a piece at a time. mapper: who draws, where they are many."""
+    parts = (mapper if n > MANY else here)(_drawn_fresh, fresh_pieces(config, n, seed=seed))
+    columns: dict[str, FloatArray] = {}
+    area, start = None, 0
+    for part in parts:
+        for name in part:
+            columns.setdefault(name, np.empty(n))[start : start + len(part)] = part[name]
+        area, start = part.plate_area_um2, start + len(part)
+    return Lot(columns, plate_area_um2=area)
+
+
+def fresh_pieces(config: CampaignConfig, n: int, *, seed: int, drives: Sequence[Drive] = (),
+    for_everybody: Collection[int] = (), start: int = 0, n_waveforms: int = 1) -> list[FreshSwitches]:  # fmt: skip
+    """Switches `start` to `start + n` of the certification ensemble `seed` as pieces, each under all the drives.
+
+    n_waveforms: how many trajectories of a switch a piece is as much work as.
+    """
+    sent, whole = Sent(config), frozenset(for_everybody)
+    return [
+        FreshSwitches(sent, seed, range(start + r.start, start + r.stop), tuple(drives), whole)
+        for r in rows_of_pieces(config, n, n_waveforms=n_waveforms)
+    ]
+
+
 def simulate_fresh(
     config: CampaignConfig,
     waveforms: Sequence[Drive],
@@ -280,18 +310,19 @@ def simulate_fresh(
 
     for_everybody: the waveforms that are tailored to no switch, whatever the campaign measures. mapper: who simulates.
     """
-    sent, drives, whole = Sent(config), tuple(waveforms), frozenset(for_everybody)
-    cut = rows_of_pieces(config, n_switches, n_waveforms=len(waveforms)) if waveforms else []
-    answers = mapper(
-        _simulate_fresh,
-        [FreshSwitches(sent, seed, range(start + r.start, start + r.stop), drives, whole) for r in cut],
-    )
-    parts: list[list[Judged]] = []
-    for own, found in zip(cut, answers, strict=True):
-        parts.append(found)
+    if not waveforms:
+        return []
+    pieces = fresh_pieces(
+        config, n_switches, seed=seed, drives=waveforms, for_everybody=for_everybody, start=start,
+        n_waveforms=len(waveforms),
+    )  # fmt: skip
+    gathering = Gathering(len(waveforms), n_switches)
+    for piece, found in zip(pieces, mapper(_simulate_fresh, pieces), strict=True):
+        for i, part in enumerate(found):
+            gathering.put(i, piece.rows.start - start, part)
         if listener is not None:
-            listener(own.stop * len(waveforms), n_switches * len(waveforms))
-    return [joined_judged([found[i] for found in parts]) for i in range(len(waveforms))]
+            listener((piece.rows.stop - start) * len(waveforms), n_switches * len(waveforms))
+    return gathering.judged()
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,6 +334,11 @@ class FreshSwitches:
     rows: range
     drives: tuple[Drive, ...]
     for_everybody: frozenset[int]
+
+    @property
+    def lot(self) -> Lot:
+        """Those switches, drawn."""
+        return fresh_switches(self.sent.config, len(self.rows), seed=self.seed, start=self.rows.start)
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,10 +352,13 @@ class FreshRelease:
     at_us: float
 
 
+def _drawn_fresh(piece: FreshSwitches) -> Lot:
+    return piece.lot
+
+
 def _simulate_fresh(piece: FreshSwitches) -> list[Judged]:
     """What is judged of the rows under each drive."""
-    config = piece.sent.config
-    switches = fresh_switches(config, len(piece.rows), seed=piece.seed, start=piece.rows.start)
+    config, switches = piece.sent.config, piece.lot
     return [
         light(respond(config, switches, drive, for_everybody=i in piece.for_everybody))
         for i, drive in enumerate(piece.drives)

@@ -23,7 +23,7 @@ from softclose_workflows.analyses.certify import (
     certified_on,
     check_size,
     choose_distinct,
-    fresh_switches,
+    drawn_fresh,
     keep_certificate,
     least_switches,
     simulate_fresh,
@@ -92,7 +92,7 @@ def certify_within(
     )
     have = {candidate_name(i): track.respond(chosen.index(i), last) for i in candidates}
     certification = certified_on(campaign, config, request, have, mapper=mapper)
-    write_certificate(path, certification, fresh_switches(config, last, seed=seed))
+    write_certificate(path, certification, drawn_fresh(config, last, seed=seed, mapper=mapper))
     if store_trajectories:
         ran = [
             KeptDesign(name=candidate_name(i), waveform=waveform, n_switches=track.n_of(k))

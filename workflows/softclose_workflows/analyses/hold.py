@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from softclose.device.simulate import Responses
+from softclose.arrays import FloatArray
 from softclose.evaluate.chain import chain_of, drives_of
-from softclose.evaluate.quantities import Closing, Value, held_voltages, quantity
-from softclose.metrics.objective import Response
+from softclose.evaluate.pieces import Mapper, here
+from softclose.evaluate.quantities import Value, held_voltages, hold_margins, quantity
 from softclose.plugins import MEASURED
 from softclose.population.lot import Lot
 from softclose.settings import CampaignConfig
-from softclose.waveform import Waveform
+from softclose.waveform import Drive, Waveform
 from softclose_workflows.analyses.certification import Certification
-from softclose_workflows.analyses.certify import fresh_switches
+from softclose_workflows.analyses.certify import MANY, FreshSwitches, fresh_pieces
 from softclose_workflows.tell.labels import number
 from softclose_workflows.tell.tables import with_interval
 
@@ -59,13 +59,11 @@ class Held:
     """What it is called."""
     waveform: Waveform
     """What was applied."""
-    response: Response
-    """What the switches did."""
     for_everybody: bool = False
     """Whether the drive was tailored to no switch, as a reference design."""
 
 
-def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold, ...]:
+def holds_of(config: CampaignConfig, certification: Certification, *, mapper: Mapper = here) -> tuple[Hold, ...]:
     """How the best candidate and the reference designs hold, on the certificate's switches.
 
     Parameters
@@ -74,22 +72,37 @@ def holds_of(config: CampaignConfig, certification: Certification) -> tuple[Hold
         The campaign's.
     certification : Certification
         Its certificate.
+    mapper : Mapper
+        Who looks, where the switches are many.
 
     Returns
     -------
     tuple of Hold
         As `holds_on`, the best first.
     """
-    lot = fresh_switches(config, certification.n_switches, seed=certification.seed)
-    designs = (certification.best, *certification.references)
-    return holds_on(
+    if config.model.name == MEASURED:
+        return ()
+    n, designs = certification.n_switches, (certification.best, *certification.references)
+    pieces = fresh_pieces(
         config,
-        lot,
-        [
-            Held(name=d.name, waveform=d.waveform, response=d.response, for_everybody=d.candidate is None)
-            for d in designs
-        ],
+        n,
+        seed=certification.seed,
+        drives=[d.waveform for d in designs],
+        for_everybody=[i for i, d in enumerate(designs) if d.candidate is None],
     )
+    margins, held = np.empty((len(designs), n)), np.empty((len(designs), n))
+    for piece, found in zip(pieces, (mapper if n > MANY else here)(_held, pieces), strict=True):
+        margins[:, piece.rows.start : piece.rows.stop], held[:, piece.rows.start : piece.rows.stop] = found
+    holds = (_hold(config, d.name, margins[i], held[i], has_interval=True) for i, d in enumerate(designs))
+    return tuple(hold for hold in holds if hold is not None)
+
+
+def _held(piece: FreshSwitches) -> tuple[FloatArray, FloatArray]:
+    """Margin and voltage of each switch of a piece under each of its drives, (n_drives, n) each."""
+    config, lot = piece.sent.config, piece.lot
+    each = [_margins(config, lot, d, for_everybody=i in piece.for_everybody) for i, d in enumerate(piece.drives)]
+    margins, held = zip(*each, strict=True)
+    return np.stack(margins), np.stack(held)
 
 
 def holds_on(
@@ -116,31 +129,43 @@ def holds_on(
     """
     if config.model.name == MEASURED:
         return ()
-    o, chain, margin = config.objective, chain_of(config), quantity(MARGIN)
-    found = []
-    for design in designs:
-        drives = drives_of(chain, lot, design.waveform, for_everybody=design.for_everybody)
-        closing = Closing(
-            chain=chain,
-            lot=lot,
-            waveform=design.waveform,
-            response=cast(Responses, design.response),
-            held_V=held_voltages(chain, lot, design.waveform, drives),
+    found = (
+        _hold(
+            config,
+            d.name,
+            *_margins(config, lot, d.waveform, for_everybody=d.for_everybody),
+            has_interval=has_interval,
         )
-        values = margin.values(closing)
-        if np.isnan(values).all():
-            continue
-        found.append(
-            Hold(
-                name=design.name,
-                margin_V=margin.of_column(values, level=o.level, confidence=o.confidence, has_interval=has_interval),
-                least_V=float(np.nanmin(values)),
-                held_V=float(closing.held_V.mean()),
-                n=int((~np.isnan(values)).sum()),
-                n_short=int((values < 0.0).sum()),
-            )
-        )
-    return tuple(found)
+        for d in designs
+    )
+    return tuple(hold for hold in found if hold is not None)
+
+
+def _margins(
+    config: CampaignConfig, lot: Lot, waveform: Drive, *, for_everybody: bool
+) -> tuple[FloatArray, FloatArray]:
+    """(n,) hold voltage above the release voltage of each switch, NaN where that is not known, and the hold voltage
+    itself [V]."""
+    chain = chain_of(config)
+    held_V = held_voltages(chain, lot, waveform, drives_of(chain, lot, waveform, for_everybody=for_everybody))
+    return hold_margins(chain, lot, held_V), held_V
+
+
+def _hold(
+    config: CampaignConfig, name: str, margins: FloatArray, held_V: FloatArray, *, has_interval: bool
+) -> Hold | None:
+    """What is said of them; None where no release voltage is known."""
+    if np.isnan(margins).all():
+        return None
+    o = config.objective
+    return Hold(
+        name=name,
+        margin_V=quantity(MARGIN).of_column(margins, level=o.level, confidence=o.confidence, has_interval=has_interval),
+        least_V=float(np.nanmin(margins)),
+        held_V=float(held_V.mean()),
+        n=int((~np.isnan(margins)).sum()),
+        n_short=int((margins < 0.0).sum()),
+    )
 
 
 def hold_line(holds: Sequence[Hold], level: float) -> str | None:

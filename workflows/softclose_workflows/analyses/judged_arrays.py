@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softclose.evaluate.gathered import put_aside
 from softclose.evaluate.quantities import Quantity, Value, quantity
 from softclose.metrics.objective import Assessment, Judged
 from softclose_store import GroupArray
@@ -52,17 +53,33 @@ def response_arrays(
     dict of str to GroupArray
         What no response tells has no array, but for `settling`, which is NaN.
     """
-    found = {}
+    found: dict[str, GroupArray] = {}
     for name, (attribute, unit, meaning) in _COLUMNS.items():
         columns = [getattr(r, attribute) for r in responses]
         if name == "settling":
             columns = [np.full(r.closed.shape, math.nan) if r.settling_us is None else r.settling_us for r in responses]
         if all(values is not None for values in columns):
-            found[f"{prefix}{name}"] = GroupArray(dims=dims, values=np.stack(columns), unit=unit, long_name=meaning)
+            found[f"{prefix}{name}"] = GroupArray(dims=dims, values=Stacked(columns), unit=unit, long_name=meaning)
     for k, q in enumerate(further):
-        of_each = np.stack([r.asked[:, k] for r in responses if r.asked is not None])
+        of_each = Stacked([r.asked[:, k] for r in responses if r.asked is not None])
         found[f"{prefix}{ASKED}{q.name}"] = GroupArray(dims=dims, values=of_each, unit=q.unit, long_name=q.long_name)
     return found
+
+
+class Stacked:
+    """Columns of n switches, one above the other where they are read (`softclose_store.groups.Blocks`)."""
+
+    def __init__(self, rows: Sequence[NDArray[Any]]) -> None:
+        self._rows = rows
+        self.shape = len(rows), len(rows[0])
+        self.dtype = np.result_type(*rows)
+
+    def block(self, where: tuple[slice, ...]) -> NDArray[Any]:
+        """The values there; what lies in a file is taken out of memory again."""
+        which, columns = where
+        found = np.stack([row[columns] for row in self._rows[which]])
+        put_aside(*self._rows[which])
+        return found
 
 
 def response_of(arrays: Mapping[str, NDArray[Any]], i: int, further: Sequence[Quantity], prefix: str = "") -> Judged:

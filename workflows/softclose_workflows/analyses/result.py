@@ -62,7 +62,7 @@ def print_result(path: str) -> None:
     said = [found.limit.sentence] if found.limit is not None else []
     said = [open_kinds(response, found.closed_by_us).sentence, *said]
     drive = Waveform.from_rows(best.waveform)
-    held = Held(name=f"candidate {best.candidate}", waveform=drive, response=response)
+    held = Held(name=f"candidate {best.candidate}", waveform=drive)
     holds = holds_on(config, switches, [held], has_interval=False)
     said = [*filter(None, [found.open_warning, hold_warning(holds)]), *said]
     beaten = beaten_lines(found, {name: a for name, (_, _, a) in judged.items()})

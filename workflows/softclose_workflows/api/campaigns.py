@@ -189,12 +189,13 @@ def certify(
             found = certify_store(path, **options, mapper=crew)
         else:
             found, _ = certify_within(path, within_cm_s, **options, mapper=crew)
+        config = CampaignConfig.from_dict(open_campaign(path).config)
+        holds = holds_of(config, found, mapper=crew)
     rows = [
         {"design": d.name, **metrics(d.assessment), "optimism of the training score [cm/s]": d.optimism_cm_s}
         for d in (*found.candidates, *found.references)
     ]
-    config, best = CampaignConfig.from_dict(open_campaign(path).config), found.best
-    holds = holds_of(config, found)
+    best = found.best
     return Result(
         value=found,
         title=f"{path} on {found.n_switches:,} new switches",

@@ -87,8 +87,8 @@ def certify(
             result = run(store, **options, mapper=crew, listener=listener)
         else:
             result, race = certify_within(store, within_cm_s, **options, mapper=crew, listener=listener)
-    config = CampaignConfig.from_dict(open_campaign(store).config)
-    holds = holds_of(config, result)
+        config = CampaignConfig.from_dict(open_campaign(store).config)
+        holds = holds_of(config, result, mapper=crew)
     limits = own_limits(config, result.best.response, result.best.assessment, fresh=True)
     if as_json:
         raced = {} if race is None else {"race": race.to_dict()}

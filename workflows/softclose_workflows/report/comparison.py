@@ -97,7 +97,7 @@ def _hold(entry: Entry, path: str) -> Hold | None:
 
 
 def _held(entry: Entry, design: Design, lot: Lot, *, has_interval: bool = True) -> Hold | None:
-    asked = Held(name=f"candidate {entry.data.best}", waveform=design.waveform, response=design.response)
+    asked = Held(name=f"candidate {entry.data.best}", waveform=design.waveform)
     return next(iter(holds_on(entry.data.config, lot, [asked], has_interval=has_interval)), None)
 
 

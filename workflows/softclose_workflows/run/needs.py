@@ -9,10 +9,12 @@ import math
 import os
 import resource
 import shutil
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from softclose.evaluate.gathered import MOST_BYTES
 from softclose.evaluate.realise import n_actuations
 from softclose.settings import CampaignConfig
 from softclose_workflows.run.actuations import are_kept
@@ -30,8 +32,9 @@ mode, which swings always: 6.4 and 7.0 bytes where the closing takes 2.9."""
 DRIVER_SWITCH_BYTES = 220.0
 """Memory of the driver for each switch of the ensemble, while it is drawn and stored."""
 
-FRESH_SWITCH_BYTES, FRESH_RESPONSE_BYTES, KEPT_RESPONSE_BYTES = 100.0, 38.0, 10.0
-"""Memory for each new switch; for each of them under each waveform while it is assessed, and afterwards."""
+FRESH_SWITCH_BYTES, FRESH_RESPONSE_BYTES, KEPT_RESPONSE_BYTES = 150.0, 30.0, 10.0
+"""Memory for each new switch, while one waveform is assessed on it; for each of them under each waveform in a temporary
+file until all are assessed, and in memory afterwards."""
 
 
 LIBRARIES_BYTES = 1.05e9
@@ -51,6 +54,8 @@ class Needs:
     """Memory on this machine, of all its processes together."""
     disk_bytes: float = 0.0
     """What it will have written at its end."""
+    scratch_bytes: float = 0.0
+    """What it keeps in temporary files meanwhile."""
 
 
 def of_run(config: CampaignConfig, *, workers: int, committed: int = 0) -> Needs:
@@ -117,10 +122,12 @@ def of_fresh(n_switches: int, n_waveforms: int, *, n_kept: int = 0, kept: Campai
 
     kept: the campaign, where their trajectories are kept, too.
     """
-    per_switch = FRESH_SWITCH_BYTES + FRESH_RESPONSE_BYTES * n_waveforms + KEPT_RESPONSE_BYTES * n_kept
+    per_switch = FRESH_SWITCH_BYTES + KEPT_RESPONSE_BYTES * n_kept
     motion = 0.0 if kept is None else motion_bytes(kept) * kept.n_cases
     return Needs(
-        memory_bytes=n_switches * per_switch, disk_bytes=(KEPT_RESPONSE_BYTES + motion) * n_switches * n_waveforms
+        memory_bytes=n_switches * per_switch,
+        disk_bytes=(KEPT_RESPONSE_BYTES + motion) * n_switches * n_waveforms,
+        scratch_bytes=FRESH_RESPONSE_BYTES * n_switches * n_waveforms,
     )
 
 
@@ -128,7 +135,9 @@ def of_all(parts: Iterable[Needs]) -> Needs:
     """Work done one after the other."""
     parts = list(parts)
     return Needs(
-        memory_bytes=max((p.memory_bytes for p in parts), default=0.0), disk_bytes=sum(p.disk_bytes for p in parts)
+        memory_bytes=max((p.memory_bytes for p in parts), default=0.0),
+        disk_bytes=sum(p.disk_bytes for p in parts),
+        scratch_bytes=max((p.scratch_bytes for p in parts), default=0.0),
     )
 
 
@@ -170,6 +179,14 @@ def check(needs: Needs, what: str, remedy: str, *, path: str | Path | None = Non
         free = shutil.disk_usage(folder).free
         if needs.disk_bytes > free:
             problems.append(f"{_bytes(needs.disk_bytes)} of disk, of which {_bytes(free)} are free at {folder}")
+    if needs.scratch_bytes > MOST_BYTES:
+        folder = Path(tempfile.gettempdir())
+        free = shutil.disk_usage(folder).free
+        if needs.scratch_bytes > free:
+            problems.append(
+                f"{_bytes(needs.scratch_bytes)} of temporary files, of which {_bytes(free)} are free at {folder} "
+                "(TMPDIR names another folder)"
+            )
     limit = address_space_bytes()
     if needs.memory_bytes + LIBRARIES_BYTES > limit:
         problems.append(
