@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from softclose.arrays import FloatArray, IntArray
-from softclose.waveform.flat import flatten_pulses
+from softclose.waveform.flat import flatten_pulses, volts
 from softclose.waveform.lowpass import deliver_flat, poles, room
 from softclose.waveform.pieced import Pieced
 from softclose.waveform.pulses import MAX_VOLTS, Waveform, WaveformError, is_above
@@ -69,14 +69,8 @@ class Delivered:
         t = np.asarray(t_us, dtype=np.float64)
         if t.size == 0:
             return np.zeros(t.shape)
-        pieces, n_ramps, ramps = self.flat(max(float(t.max()), 1.0))
-        which = np.clip(np.searchsorted(pieces[:, 0], t, side="right") - 1, 0, None)
-        u: FloatArray = pieces[which, 2].copy()
-        for j in range(ramps.shape[1]):
-            amplitude, omega, origin, decay = np.moveaxis(ramps[which, j], -1, 0)
-            fade = np.exp(-decay * np.maximum(t - pieces[which, 0], 0.0))
-            u += np.where(j < n_ramps[which], amplitude * fade * np.cos(omega * (t - origin)), 0.0)
-        return u
+        flat = self.flat(max(float(t.max()), 1.0))
+        return volts(*flat, np.clip(np.searchsorted(flat[0][:, 0], t, side="right") - 1, 0, None), t)
 
     def breakpoints(self, horizon_us: float = math.inf) -> FloatArray:
         """Instants in [0, horizon] at which another formula begins [µs]."""

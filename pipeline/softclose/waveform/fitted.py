@@ -32,6 +32,8 @@ _FLAT_US = 1.0
 """A constant voltage that lasts so long is a piece of its own: bounces on it are told in closed form."""
 _PARTS = 4
 """Parts of a cell at whose ends the area is looked at; an even number."""
+_NEAR = 16
+"""A piece is the longest that fits, but for one part in so many."""
 _NODES = 96
 """Points of a fit; what fits is looked at everywhere."""
 
@@ -90,7 +92,7 @@ class Fitted:
             step = 1
             while first < end:
                 reach, found = first + 1, whole.alone(first)
-                while step > 0:  # by doubling, and halving where it fails
+                while step > (reach - first) // _NEAR:  # by doubling, and halving where it fails
                     last = min(reach + step, end)
                     longer = whole.fit(first, last, tolerance_volt_us) if last > reach else None
                     if longer is None:
@@ -202,6 +204,8 @@ class _Whole:
                 best = np.linalg.solve(basis.T @ basis, basis.T @ off[nodes])
             except np.linalg.LinAlgError:
                 best = np.linalg.lstsq(basis, off[nodes], rcond=None)[0]
+            if np.abs(basis @ best - off[nodes]).max() > tolerance:
+                return None
             inner = best @ _ENDS_ARE_0[:n]
         if np.abs(polyval(where, inner) - off).max() > tolerance:
             return None

@@ -62,3 +62,19 @@ def flatten_pulses(waveform: Waveform, horizon_us: float) -> tuple[FloatArray, I
             ramps[i, n_ramps[i]] = amplitude, math.pi / pulse.rise_us, origin
             n_ramps[i] += 1
     return pieces, n_ramps, ramps
+
+
+def volts(pieces: FloatArray, n_ramps: IntArray, ramps: FloatArray, which: IntArray, t: FloatArray) -> FloatArray:
+    """u(t) [V] on pieces `which` at instants t [µs], both of any one shape; rows of ramps as of `flatten_pulses`, or
+    with a decay from the start of the piece on [1/µs] as a fourth number.
+    """
+    u: FloatArray = pieces[which, 2]
+    for j in range(ramps.shape[1]):
+        has = n_ramps[which] > j
+        here, at = which[has], t[has]
+        term = ramps[here, j]
+        wave = term[:, 0] * np.cos(term[:, 1] * (at - term[:, 2]))
+        if ramps.shape[2] > 3:
+            wave *= np.exp(-term[:, 3] * np.maximum(at - pieces[here, 0], 0.0))
+        u[has] += wave
+    return u

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from softclose.arrays import FloatArray, IntArray
-from softclose.waveform.flat import SNAP_US
+from softclose.waveform.flat import SNAP_US, volts
 from softclose.waveform.pulses import MAX_VOLTS, WaveformError, is_above
 
 
@@ -48,11 +48,7 @@ class Pieced:
         """u(t) [V] at instants t_us [µs]; any shape."""
         t = np.asarray(t_us, dtype=np.float64)
         which = np.clip(np.searchsorted(self.pieces[:, 0], t, side="right") - 1, 0, None)
-        u: FloatArray = self.pieces[which, 2].copy()
-        for j in range(self.ramps.shape[1]):
-            amplitude, omega, origin = np.moveaxis(self.ramps[which, j], -1, 0)
-            u += np.where(j < self.n_ramps[which], amplitude * np.cos(omega * (t - origin)), 0.0)
-        return u
+        return volts(self.pieces, self.n_ramps, self.ramps, which, t)
 
     def breakpoints(self, horizon_us: float = math.inf) -> FloatArray:
         """Instants in [0, horizon] at which another piece begins [µs]."""

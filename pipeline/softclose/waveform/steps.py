@@ -1,7 +1,7 @@
 """Owns what a generator makes of pulses: steps in time and in volts, each held, as exact pieces of constant voltage.
 
 Steps so fine that nothing can feel them are not told one by one: a clock below `FINEST_US` is its delay of half a step,
-and of a ramp with more than `MOST_STEPS` steps of voltage the curve is left.
+and where steps of voltage follow one another so fast that each has less than `FELT_VOLT_US` off the ramp, that is left.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from softclose.waveform.pulses import Pulse, Waveform
 
 FINEST_US = 5e-3
 """Samples closer than this are not told apart [µs]: between them and their mean lie 1e-4 V µs at 40 V/µs."""
-MOST_STEPS = 4096
-"""Steps of voltage on one ramp; with more, each is 25 mV of 100 V or less."""
+FELT_VOLT_US = 2.5e-4
+"""Largest area between a step and its ramp that is left out [V µs] (see `softclose.waveform.fitted`):
+a quarter of what a fit leaves out."""
 _LOOKS = 257
 """Points of a ramp between which it is taken to turn once at most."""
 
@@ -50,7 +51,7 @@ def stepped(
             at, volts = _crossings(rows, level, begin, end, resolution_volts)
         begins.append(at)
         levels.append(volts)
-        curves.extend([i if len(at) and np.isnan(volts[0]) else -1] * len(at))
+        curves.extend(np.where(np.isnan(volts), i, -1).tolist())
     t, u, curve = np.concatenate(begins), np.concatenate(levels), np.array(curves)
     t = np.minimum(t, horizon_us)
     kept = np.append(True, (np.diff(u) != 0.0) | (curve[1:] >= 0) | (curve[:-1] >= 0))
@@ -82,7 +83,7 @@ def _slope(rows: FloatArray, t: FloatArray) -> FloatArray:
 
 
 def _crossings(rows: FloatArray, level: float, begin: float, end: float, step: float) -> tuple[FloatArray, FloatArray]:
-    """Instants at which a ramp is rounded to another voltage, and those voltages; NaN where they are too many."""
+    """Instants at which a ramp is rounded to another voltage, and those voltages; NaN from where its curve is left."""
     looks = np.linspace(begin, end, _LOOKS)
     slope = _slope(rows, looks)
     turning = np.flatnonzero(slope[1:] * slope[:-1] < 0.0)
@@ -94,10 +95,10 @@ def _crossings(rows: FloatArray, level: float, begin: float, end: float, step: f
     looks = np.sort(np.append(looks, 0.5 * (low + high)))
     whole = np.round(_curve(rows, level, looks) / step)
     jumps = np.abs(np.diff(whole)).astype(int)
-    if jumps.sum() > MOST_STEPS:
-        return np.array([begin]), np.array([math.nan])
-    which = np.repeat(np.arange(len(jumps)), jumps)
-    nth = np.arange(len(which)) - np.repeat(np.cumsum(jumps) - jumps, jumps)
+    fine = _longest(np.abs(_slope(rows, looks)), np.diff(looks), jumps, step) * step <= 8.0 * FELT_VOLT_US
+    told = np.where(fine, 0, jumps)
+    which = np.repeat(np.arange(len(jumps)), told)
+    nth = np.arange(len(which)) - np.repeat(np.cumsum(told) - told, told)
     way = np.sign(np.diff(whole))[which]
     edge = (whole[which] + way * (nth + 0.5)) * step
     low, high = looks[which], looks[which + 1]
@@ -105,4 +106,19 @@ def _crossings(rows: FloatArray, level: float, begin: float, end: float, step: f
         middle = 0.5 * (low + high)
         before = way * (_curve(rows, level, middle) - edge) < 0.0
         low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return np.append(begin, high), step * np.append(whole[0], whole[which] + way * (nth + 1))
+    # Where the curve is left, and where after it steps are told again, another piece begins.
+    other = np.flatnonzero(np.diff(np.append(False, fine)))
+    at = np.concatenate([[begin], looks[other], high])
+    volts = np.concatenate([[whole[0]], np.where(fine[other], math.nan, whole[other]), whole[which] + way * (nth + 1)])
+    order = np.argsort(at, kind="stable")
+    return at[order], step * volts[order]
+
+
+def _longest(slope: FloatArray, width: FloatArray, jumps: IntArray, step: float) -> FloatArray:
+    """How long a step between looks lasts at most [µs]: as at the end that is less steep, or, from rest, as the first
+    of so many steps of a parabola.
+
+    slope: magnitudes at the looks [V/µs]; width: between them [µs]; jumps: how many steps there are between them.
+    """
+    by_slope = step / np.maximum(np.minimum(slope[1:], slope[:-1]), 1e-12)
+    return np.where(jumps > 0, np.minimum(by_slope, width / np.sqrt(np.maximum(jumps, 1))), by_slope)
