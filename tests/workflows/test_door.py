@@ -13,12 +13,13 @@ from typing import Any
 
 import pytest
 
-from door import DAMAGES, KINDS, READING, SORTS, WRITING, Case, contents, make_cases, run_case
+from door import DAMAGES, KINDS, READING, SORTS, WRITING, Case, ask, contents, fresh, make_cases, run_case
 from small_campaigns import COARSE, COMPLETE, finish, make_campaign
 from softclose import ALGORITHM
 from softclose.settings import load_config
 from softclose_store import DamageError, create_campaign, group_attributes, list_groups, open_campaign, repair, verify
 from softclose_store.disk import below
+from softclose_store.schema.opening import decode_root
 from softclose_workflows.analyses.certify import certify, certify_again
 from softclose_workflows.analyses.recompute import recompute
 from softclose_workflows.run.creation import layout_of, population_columns
@@ -78,6 +79,19 @@ def test_of_a_folder_that_leads_elsewhere_the_root_says_what_was_certified(kind:
 @pytest.mark.parametrize("damage", ["swapped", "foreign"])
 def test_no_command_takes_the_root_of_the_creation_for_that_of_now(damage: str, certified: Case) -> None:
     assert run_case(certified, "root", damage, {name: WRITING[name] for name in ("resume", "extend")}) == []
+
+
+def test_a_root_is_checked_once_and_nobody_changes_what_was_read(certified: Case, tmp_path: Path) -> None:
+    path = fresh(certified)
+    content = (path / "zarr.json").read_bytes()
+    decode_root.cache_clear()
+    root = decode_root(content, str(path))
+    for command in certified.commands.values():
+        if command in READING.values():
+            assert ask(certified, command, tmp_path / "out").exit_code == 0
+    assert decode_root.cache_info().misses <= 2  # some commands name the path otherwise
+    assert decode_root(content, str(path)) is root
+    assert root.encode() == content
 
 
 PARTS = 4

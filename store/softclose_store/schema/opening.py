@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,9 @@ from softclose_store.schema.root import BACKUP_KEY, KIND, ROOT_KEY, SCHEMA_ATTRI
 from softclose_store.schema.texts import read_json
 
 
+@lru_cache(maxsize=4)
 def decode_root(content: bytes, where: str) -> Root:
-    """The root that these bytes say.
+    """The root that these bytes say; the same bytes are checked once, as a command opens its store several times.
 
     Parameters
     ----------

@@ -45,12 +45,14 @@ class Root:
     @property
     def metadata(self) -> dict[str, dict[str, Any]]:
         """Consolidated metadata of the campaign itself: array or group name -> its document."""
-        return {name: entry for name, entry in self._consolidated.items() if self.is_own(name)}
+        own = self._own_groups
+        return {name: entry for name, entry in self._consolidated.items() if name.partition("/")[0] in own}
 
     @property
     def listed(self) -> dict[str, dict[str, Any]]:
         """Consolidated metadata of result groups, their arrays, and the groups that they lie in."""
-        return {name: entry for name, entry in self._consolidated.items() if not self.is_own(name)}
+        own = self._own_groups
+        return {name: entry for name, entry in self._consolidated.items() if name.partition("/")[0] not in own}
 
     @property
     def _consolidated(self) -> dict[str, dict[str, Any]]:
@@ -59,8 +61,11 @@ class Root:
 
     def is_own(self, name: str) -> bool:
         """Whether a name is in one of the campaign's own groups."""
-        group = name.partition("/")[0]
-        return group in OWN_GROUPS or any(group == stage["name"] for stage in self.attributes["layout"]["stages"])
+        return name.partition("/")[0] in self._own_groups
+
+    @property
+    def _own_groups(self) -> frozenset[str]:
+        return frozenset(OWN_GROUPS).union(stage["name"] for stage in self.attributes["layout"]["stages"])
 
     @property
     def n_committed(self) -> int:
