@@ -68,7 +68,7 @@ def volts(pieces: FloatArray, n_ramps: IntArray, ramps: FloatArray, which: IntAr
     """u(t) [V] on pieces `which` at instants t [µs], both of any one shape; rows of ramps as of `flatten_pulses`, or
     with a decay from the start of the piece on [1/µs] as a fourth number.
     """
-    u: FloatArray = pieces[which, 2]
+    which, u = np.asarray(which), np.array(pieces[which, 2])
     for j in range(ramps.shape[1]):
         has = n_ramps[which] > j
         here, at = which[has], t[has]
