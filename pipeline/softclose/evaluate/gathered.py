@@ -89,8 +89,8 @@ class Gathering:
         found = []
         for drive in range(self._n_drives):
             told = [name for name in NAMES if (drive, name) not in self._untold]
-            columns: dict[str, Any] = {name: self._arrays[drive, name] for name in told}
-            found.append(Judged(**dict.fromkeys(NAMES) | columns))
+            columns: dict[str, Any] = dict.fromkeys(NAMES) | {name: self._arrays[drive, name] for name in told}
+            found.append(Judged(**columns))
         return found
 
 

@@ -15,10 +15,10 @@ from typing import Self
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
-from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike
 
 from softclose.arrays import FloatArray, IntArray
+from softclose.compiled import cached_njit
 from softclose.waveform.pulses import MAX_VOLTS, WaveformError, is_above
 from softclose.waveform.trace import Trace
 
@@ -185,40 +185,107 @@ class _Whole:
 
     def fit(self, first: int, last: int, tolerance: float) -> FloatArray | None:
         """Least squares through the area within, and at the two ends through it; None where it misses."""
-        cells, part = self.cells, slice(_PARTS * first, _PARTS * last + 1)
-        at, area = self.at[part], self.area[part]
-        a, m, b = cells.first[first:last], cells.middle[first:last], cells.last[first:last]
-        half, width = 0.5 * (at[-1] - at[0]), np.diff(cells.ends[first : last + 1])
-        mean = (area[-1] - area[0]) / (2.0 * half)
-        if (a == a[0]).all() and (m == a[0]).all() and (b == a[0]).all():
-            mean = a[0]
-        where = (at - 0.5 * (at[0] + at[-1])) / half
-        off = area - area[0] - mean * half * (where + 1.0)
-        inner = np.zeros(DEGREE + 2)
-        if np.abs(off).max() > 0.01 * tolerance:
-            nodes = slice(1, -1, max(1, len(where) // _NODES))
-            inside = where[nodes]
-            n = min(DEGREE, len(inside) // 2)
-            basis = np.polynomial.chebyshev.chebvander(inside, n - 1) * (1.0 - inside**2)[:, None]
-            try:  # 2.5 times as fast as by the basis itself, which takes what is singular too
-                best = np.linalg.solve(basis.T @ basis, basis.T @ off[nodes])
-            except np.linalg.LinAlgError:
-                best = np.linalg.lstsq(basis, off[nodes], rcond=None)[0]
-            if np.abs(basis @ best - off[nodes]).max() > tolerance:
-                return None
-            inner = best @ _ENDS_ARE_0[:n]
-        if np.abs(polyval(where, inner) - off).max() > tolerance:
-            return None
-        rate = np.arange(1, DEGREE + 2) * inner[1:]
-        volts = mean + polyval(where[:: _PARTS // 2], rate) / half
-        told = np.stack([volts[:-2:2], volts[1::2], volts[2::2]]), np.stack([a, m, b])
-        simpson = np.outer([1.0, 4.0, 1.0], width) / 6.0
-        if (simpson * (told[0] - told[1]) ** 2).sum() > tolerance * max(np.abs(m).max(), 1.0):
-            return None
-        square = mean**2 + (simpson * (told[1] ** 2 - told[0] ** 2)).sum() / (2.0 * half)
-        powers = rate / half ** np.arange(1, DEGREE + 2)
-        powers[0] += math.copysign(math.sqrt(max(square, 0.0)), mean)
-        return np.asarray(powers)
+        c, found = self.cells, np.zeros(DEGREE + 1)
+        fits = _fit(c.ends, c.first, c.middle, c.last, self.at, self.area, first, last, tolerance, found)
+        return found if fits else None
+
+
+@cached_njit(error_model="numpy")
+def _fit(ends, a, m, b, at, area, first, last, tolerance, found):  # type: ignore[no-untyped-def]
+    """Write the coefficients of the piece from cell first to last; whether it has their area."""
+    begin, end = _PARTS * first, _PARTS * last
+    half = 0.5 * (at[end] - at[begin])
+    mean = (area[end] - area[begin]) / (2.0 * half)
+    constant = True
+    for i in range(first, last):
+        constant = constant and a[i] == a[first] and m[i] == a[first] and b[i] == a[first]
+    if constant:
+        mean = a[first]
+    n = end - begin + 1
+    where, off, most = np.empty(n), np.empty(n), 0.0
+    for k in range(n):
+        where[k] = (at[begin + k] - 0.5 * (at[begin] + at[end])) / half
+        off[k] = area[begin + k] - area[begin] - mean * half * (where[k] + 1.0)
+        most = max(most, abs(off[k]))
+    inner = np.zeros(DEGREE + 2)
+    if most > 0.01 * tolerance:
+        _through(where, off, inner)
+        for k in range(n):
+            if not abs(_value(inner, DEGREE + 1, where[k]) - off[k]) <= tolerance:
+                return False
+    for k in range(DEGREE + 1):
+        found[k] = (k + 1) * inner[k + 1]
+    # What swings about the mean faster than anything moves is left out, but for its part of the mean of u².
+    missed = more = peak = 0.0
+    for i in range(first, last):
+        width = (ends[i + 1] - ends[i]) / 6.0
+        for part, told, weight in ((0, a[i], width), (1, m[i], 4.0 * width), (2, b[i], width)):
+            volts = mean + _value(found, DEGREE, where[_PARTS * (i - first) + part * (_PARTS // 2)]) / half
+            missed += weight * (volts - told) ** 2
+            more += weight * (told * told - volts * volts)
+        peak = max(peak, abs(m[i]))
+    if missed > tolerance * max(peak, 1.0):
+        return False
+    scale = half
+    for k in range(DEGREE + 1):
+        found[k] /= scale
+        scale *= half
+    found[0] += math.copysign(math.sqrt(max(mean * mean + more / (2.0 * half), 0.0)), mean)
+    return True
+
+
+@cached_njit(error_model="numpy")
+def _value(powers, degree, z):  # type: ignore[no-untyped-def]
+    total = powers[degree]
+    for k in range(degree - 1, -1, -1):
+        total = total * z + powers[k]
+    return total
+
+
+@cached_njit(error_model="numpy")
+def _through(where, off, inner):  # type: ignore[no-untyped-def]
+    """Write the powers of the polynomial that is 0 at both ends and nearest to what is off, at `_NODES` points or so.
+
+    By normal equations with Cholesky's factors, of fewer functions where the points do not tell all of them apart.
+    """
+    every = max(1, len(where) // _NODES)
+    count = (len(where) - 3) // every + 1
+    n = min(DEGREE, count // 2)
+    basis, gram, best = np.empty(DEGREE), np.zeros((DEGREE, DEGREE)), np.zeros(DEGREE)
+    for k in range(1, len(where) - 1, every):
+        z = where[k]
+        basis[0] = 1.0
+        if n > 1:
+            basis[1] = z
+        for j in range(2, n):
+            basis[j] = 2.0 * z * basis[j - 1] - basis[j - 2]
+        for j in range(n):
+            basis[j] *= 1.0 - z * z
+            best[j] += basis[j] * off[k]
+            for i in range(j + 1):
+                gram[j, i] += basis[j] * basis[i]
+    for j in range(n):
+        size = gram[j, j]
+        for i in range(j + 1):
+            left = gram[j, i]
+            for q in range(i):
+                left -= gram[j, q] * gram[i, q]
+            gram[j, i] = left / gram[i, i] if i < j else left
+        if not gram[j, j] > 1e-12 * size:
+            n = j
+            break
+        gram[j, j] = math.sqrt(gram[j, j])
+    for j in range(n):
+        for q in range(j):
+            best[j] -= gram[j, q] * best[q]
+        best[j] /= gram[j, j]
+    for j in range(n - 1, -1, -1):
+        for q in range(j + 1, n):
+            best[j] -= gram[q, j] * best[q]
+        best[j] /= gram[j, j]
+    for j in range(n):
+        for k in range(DEGREE + 2):
+            inner[k] += best[j] * _ENDS_ARE_0[j, k]
 
 
 def _about(coefficients: FloatArray, shift: float) -> FloatArray:

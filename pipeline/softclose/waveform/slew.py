@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from softclose.arrays import FloatArray, IntArray
+from softclose.compiled import cached_njit
 from softclose.waveform.flat import SNAP_US, line_term
 
 _NUDGE_US = 1e-9
@@ -20,7 +21,7 @@ _PART_US = 1e-4
 _MET_VOLTS = 1e-9
 """Closer than this, the output is on its input [V]."""
 
-Terms = list[tuple[float, float, float]]
+_njit = cached_njit(error_model="numpy")
 
 
 def limited(
@@ -30,53 +31,73 @@ def limited(
 
     slew: steepest slope of the output [V/µs], above 0.
     """
-    found: list[tuple[float, float, float, Terms]] = []
+    room = 4 * len(pieces) + 16
+    while True:
+        out = np.zeros((room, 3)), np.zeros(room, dtype=np.int64), np.zeros((room, ramps.shape[1], 3))
+        n = _limit(pieces, n_ramps, ramps, slew, *out)
+        if n >= 0:
+            break
+        room *= 2
+    found, terms, rows = out[0][:n], out[1][:n], out[2][:n]
+    found[1:, 0] = found[:-1, 1]
+    found[-1, 1] = pieces[-1, 1]
+    return found, terms, np.ascontiguousarray(rows[:, : max(1, int(terms.max()))])
+
+
+@_njit
+def _limit(pieces, n_ramps, ramps, slew, out, out_n, out_rows):  # type: ignore[no-untyped-def]
+    """Write its pieces; returns how many, or -1 where there is no room for them."""
     y = 0.0
-    for (begin, end, level), n, rows in zip(pieces.tolist(), n_ramps.tolist(), ramps.tolist(), strict=True):
-        terms: Terms = [tuple(row) for row in rows[:n]]
-        t = begin
+    m = 0
+    for i in range(len(pieces)):
+        t, end, level = pieces[i, 0], pieces[i, 1], pieces[i, 2]
+        n, rows = n_ramps[i], ramps[i]
         while end - t > SNAP_US:
-            u, slope, *_ = _at(terms, level, t)
-            if abs(y - u) <= _MET_VOLTS and abs(slope) <= slew * (1.0 + 1e-12):
-                until = min(_leaves(terms, level, t, end, slew), end)
+            if m + 2 > len(out):
+                return -1
+            u, slope, _ = _at(rows, n, level, t)
+            met = abs(y - u) <= _MET_VOLTS
+            if met and abs(slope) <= slew * (1.0 + 1e-12):
+                until = min(_leaves(rows, n, level, t, end, slew), end)
                 if end - until <= SNAP_US:
                     until = end
                 if until - t > SNAP_US:
-                    found.append((t, until, level, terms))
+                    out[m, 0], out[m, 1], out[m, 2], out_n[m] = t, until, level, n
+                    out_rows[m, :n] = rows[:n]
+                    m += 1
                 t = until
-                y = _at(terms, level, t)[0]
+                y, slope, _ = _at(rows, n, level, t)
                 if t == end:
                     break
-                slope = _at(terms, level, t)[1]
                 way = math.copysign(1.0, slope)
-            elif abs(y - u) <= _MET_VOLTS:
+            elif met:
                 way = math.copysign(1.0, slope)
             else:
                 way = math.copysign(1.0, u - y)
-            until = min(_meets(terms, level, t, end, y, way * slew), end)
+            until = min(_meets(rows, n, level, t, end, y, way * slew), end)
             if end - until <= SNAP_US:
                 until = end
             if until - t > SNAP_US:
                 reached = y + way * slew * (until - t)
-                found.append((t, until, 0.5 * (y + reached), [line_term(t, until, y, reached)]))
+                out[m, 0], out[m, 1], out[m, 2], out_n[m] = t, until, 0.5 * (y + reached), 1
+                out_rows[m, 0, 0], out_rows[m, 0, 1], out_rows[m, 0, 2] = _line(t, until, y, reached)
+                m += 1
                 y = reached
             t = until
             if t < end:
-                y = _at(terms, level, t)[0]
-    out = np.array([piece[:3] for piece in found])
-    out[1:, 0] = out[:-1, 1]
-    out[-1, 1] = pieces[-1, 1]
-    widest = max(1, *(len(terms) for *_, terms in found))
-    rows_out = np.zeros((len(found), widest, 3))
-    for i, (*_, terms) in enumerate(found):
-        rows_out[i, : len(terms)] = np.array(terms).reshape(-1, 3)
-    return out, np.array([len(terms) for *_, terms in found], dtype=np.int64), rows_out
+                y = _at(rows, n, level, t)[0]
+    return m
 
 
-def _at(terms: Terms, level: float, t: float) -> tuple[float, float, float]:
+_line = _njit(line_term)
+
+
+@_njit
+def _at(rows, n, level, t):  # type: ignore[no-untyped-def]
     """u, u' and u'' at t."""
     u, slope, bend = level, 0.0, 0.0
-    for amplitude, omega, origin in terms:
+    for j in range(n):
+        amplitude, omega, origin = rows[j, 0], rows[j, 1], rows[j, 2]
         cosine = amplitude * math.cos(omega * (t - origin))
         u += cosine
         slope -= amplitude * omega * math.sin(omega * (t - origin))
@@ -84,27 +105,34 @@ def _at(terms: Terms, level: float, t: float) -> tuple[float, float, float]:
     return u, slope, bend
 
 
-def _leaves(terms: Terms, level: float, t: float, end: float, slew: float) -> float:
+@_njit
+def _leaves(rows, n, level, t, end, slew):  # type: ignore[no-untyped-def]
     """First instant from t on at which |u'| exceeds the limit; inf where none is before the end."""
-    twist = sum(abs(a) * omega**3 for a, omega, _ in terms)
-    if twist == 0.0 or sum(abs(a) * omega for a, omega, _ in terms) <= slew:
+    most = twist = 0.0
+    for j in range(n):
+        most += abs(rows[j, 0]) * rows[j, 1]
+        twist += abs(rows[j, 0]) * rows[j, 1] ** 3
+    if most <= slew:
         return math.inf
     while t < end:
-        _, slope, bend = _at(terms, level, t)
+        _, slope, bend = _at(rows, n, level, t)
         if abs(slope) > slew:
             return t
         t += max(min(_step(slew - slope, -bend, twist), _step(slew + slope, bend, twist)), _NUDGE_US)
     return math.inf
 
 
-def _meets(terms: Terms, level: float, t: float, end: float, y: float, slope: float) -> float:
+@_njit
+def _meets(rows, n, level, t, end, y, slope):  # type: ignore[no-untyped-def]
     """First instant after t at which a line from y meets u; inf where none is before the end."""
-    if not terms:
+    if n == 0:
         return t + (level - y) / slope
     begin, way = t, math.copysign(1.0, slope)
-    curve = sum(abs(a) * omega**2 for a, omega, _ in terms)
+    curve = 0.0
+    for j in range(n):
+        curve += abs(rows[j, 0]) * rows[j, 1] ** 2
     while t < end:
-        u, rate, _ = _at(terms, level, t)
+        u, rate, _ = _at(rows, n, level, t)
         ahead = way * (u - y - slope * (t - begin))
         if t > begin and ahead <= 0.0:
             return t
@@ -113,7 +141,8 @@ def _meets(terms: Terms, level: float, t: float, end: float, y: float, slope: fl
     return math.inf
 
 
-def _step(value: float, rate: float, bend: float) -> float:
+@_njit
+def _step(value, rate, bend):  # type: ignore[no-untyped-def]
     """The s > 0 at which value + rate s - bend s²/2, value >= 0, is 0; without cancellation for either sign."""
     root = math.sqrt(rate * rate + 2.0 * bend * value)
     if root == 0.0:

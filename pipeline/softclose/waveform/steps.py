@@ -7,8 +7,10 @@ and where steps of voltage follow one another so fast that each has less than `F
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.arrays import FloatArray, IntArray
 from softclose.waveform.flat import SNAP_US, flatten_pulses
@@ -87,12 +89,10 @@ def _crossings(rows: FloatArray, level: float, begin: float, end: float, step: f
     looks = np.linspace(begin, end, _LOOKS)
     slope = _slope(rows, looks)
     turning = np.flatnonzero(slope[1:] * slope[:-1] < 0.0)
-    low, high = looks[turning], looks[turning + 1]
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        same = _slope(rows, middle) * slope[turning] > 0.0
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    looks = np.sort(np.append(looks, 0.5 * (low + high)))
+    if len(turning):
+        first = slope[turning]
+        low, high = _halved(lambda t: _slope(rows, t) * first > 0.0, looks[turning], looks[turning + 1])
+        looks = np.sort(np.append(looks, 0.5 * (low + high)))
     whole = np.round(_curve(rows, level, looks) / step)
     jumps = np.abs(np.diff(whole)).astype(int)
     fine = _longest(np.abs(_slope(rows, looks)), np.diff(looks), jumps, step) * step <= 8.0 * FELT_VOLT_US
@@ -101,17 +101,24 @@ def _crossings(rows: FloatArray, level: float, begin: float, end: float, step: f
     nth = np.arange(len(which)) - np.repeat(np.cumsum(told) - told, told)
     way = np.sign(np.diff(whole))[which]
     edge = (whole[which] + way * (nth + 0.5)) * step
-    low, high = looks[which], looks[which + 1]
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        before = way * (_curve(rows, level, middle) - edge) < 0.0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    high = _halved(lambda t: way * (_curve(rows, level, t) - edge) < 0.0, looks[which], looks[which + 1])[1]
     # Where the curve is left, and where after it steps are told again, another piece begins.
     other = np.flatnonzero(np.diff(np.append(False, fine)))
     at = np.concatenate([[begin], looks[other], high])
     volts = np.concatenate([[whole[0]], np.where(fine[other], math.nan, whole[other]), whole[which] + way * (nth + 1)])
     order = np.argsort(at, kind="stable")
     return at[order], step * volts[order]
+
+
+def _halved(
+    is_before: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Instants so close to one another that what lies between them is told to 1e-12 of where they were."""
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        before = is_before(middle)
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return low, high
 
 
 def _longest(slope: FloatArray, width: FloatArray, jumps: IntArray, step: float) -> FloatArray:
