@@ -206,18 +206,27 @@ def agree(fast: Responses, tight: Responses, moves: Any = slice(None)) -> None:
     count, closed = tight.n_impacts.reshape(3, n), tight.closed.reshape(3, n)
     regular = (count == count[0]).all(axis=0) & (closed == closed[0]).all(axis=0)
     assert regular.mean() >= 0.3
-    np.testing.assert_array_equal(fast.n_impacts[regular], count[0, regular])
     np.testing.assert_array_equal(fast.closed[regular], closed[0, regular])
     speeds = fast.max_contact_speed, tight.max_contact_speed[:n]
     np.testing.assert_allclose(speeds[0][regular], speeds[1][regular], atol=1e-5)  # 1e-3 cm/s
-    assert fast.impact_speed is not None
-    assert tight.impact_speed is not None
-    np.testing.assert_allclose(fast.impact_speed[regular, :6], tight.impact_speed[:n][regular, :6], atol=1e-5)
+    bounces_agree(fast, tight, regular)
     assert fast.x is not None
     assert tight.x is not None
     moving = np.zeros(n, dtype=bool)
     moving[moves] = True
     np.testing.assert_allclose(fast.x[regular & moving], tight.x[:n][regular & moving], atol=1e-5)
+
+
+def bounces_agree(fast: Responses, tight: Responses, regular: np.ndarray) -> None:
+    """Assert that the first six impacts of these switches have the same speeds, and that what only one of both counts
+    is slower than 1e-5 µm/µs: the last bounce of a series may be told or not.
+    """
+    assert fast.impact_speed is not None
+    assert tight.impact_speed is not None
+    ours, theirs = fast.impact_speed[regular], tight.impact_speed[: len(regular)][regular]
+    np.testing.assert_allclose(np.nan_to_num(ours[:, :6]), np.nan_to_num(theirs[:, :6]), atol=1e-5)
+    counted_once = np.isnan(ours) != np.isnan(theirs)
+    assert np.fmax(ours, theirs)[counted_once].max(initial=0.0) < 1e-5
 
 
 def impacts_agree(found: Responses, oracle: ModalSwitch) -> int:

@@ -10,6 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from examples import examples
+from modal_reference import bounces_agree
 from reference import EPS0_F_PER_M, reference
 from softclose import Pulse, Waveform, simulate
 from softclose.device.simulate import Status
@@ -83,13 +84,13 @@ def test_the_kernel_agrees_with_its_twin_at_a_thousand_times_its_tolerance(wavef
     rng = np.random.default_rng(seed)
     table = rng.uniform((1.8, 3.6, 45.0, 2.8), (2.8, 4.4, 90.0, 4.2), size=(20, 4))
     nudged = np.concatenate([table + shift * np.array([1e-6, 0.0, 0.0, 0.0]) for shift in (0, 1, -1)])
-    tight = simulate(nudged, waveform, method="rk", rtol=1e-12)
+    tight = simulate(nudged, waveform, method="rk", rtol=1e-12, max_impacts=64)
     count, closed = tight.n_impacts.reshape(3, -1), tight.closed.reshape(3, -1)
     regular = (count == count[0]).all(axis=0) & (closed == closed[0]).all(axis=0)  # the others graze: SPEC §8
     assert regular.mean() >= 0.8
-    fast = simulate(table, waveform)
+    fast = simulate(table, waveform, max_impacts=64)
     assert (fast.status == Status.OK).all()
-    np.testing.assert_array_equal(fast.n_impacts[regular], count[0, regular])
+    bounces_agree(fast, tight, regular)
     np.testing.assert_array_equal(fast.closed[regular], closed[0, regular])
     np.testing.assert_allclose(fast.max_contact_speed[regular], tight.max_contact_speed[:20][regular], atol=1e-5)
 

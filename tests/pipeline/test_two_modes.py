@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples import examples
+from modal_reference import bounces_agree
 from rendered import functions_of
 from softclose import Losses, Pulse, ReducedOrder, Waveform, load_population, simulate
 from softclose.kernel import dispatch, generate_series
@@ -87,12 +88,9 @@ def test_the_kernel_agrees_with_its_twin(
     regular = (count == count[0]).all(axis=0) & (closed == closed[0]).all(axis=0)  # the others graze: SPEC §8
     regular &= tight.status[:6] == 0
     assert regular.mean() >= 0.3
-    np.testing.assert_array_equal(fast.n_impacts[regular], count[0, regular])
     np.testing.assert_array_equal(fast.closed[regular], closed[0, regular])
     np.testing.assert_allclose(fast.max_contact_speed[regular], tight.max_contact_speed[:6][regular], atol=1e-5)
-    assert fast.impact_speed is not None
-    assert tight.impact_speed is not None
-    np.testing.assert_allclose(fast.impact_speed[regular, :6], tight.impact_speed[:6][regular, :6], atol=1e-5)
+    bounces_agree(fast, tight, regular)
 
 
 @pytest.mark.parametrize("modes", [PLATE, BEAM])
