@@ -20,6 +20,7 @@ from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
 from softclose.propose import prior as prior_module
 from softclose.propose.correction import ArsinhScale, trend
+from softclose.propose.descents import Descent
 from softclose.propose.deviation import COUNTS_AS, TOO_SURE, too_sure
 from softclose.propose.plan import plan
 from softclose.propose.prior import Prior, prior_config
@@ -226,6 +227,69 @@ def test_basins_are_where_the_prior_is_best_and_promise_what_it_said():
     again = find_basins(config, Bowl(config).values)
     assert again.waveforms == found.waveforms
     assert again.shapes.tobytes() == found.shapes.tobytes()
+
+
+class Elsewhere:
+    """A bowl that is asked by workers: what is begun is evaluated when it is waited for."""
+
+    def __init__(self, config, **bowl):
+        self.bowl, self.begun, self.waited, self.most, self.ahead = Bowl(config, **bowl), {}, 0, 0, 0
+        self.has_waited = False
+
+    def begin(self, waveforms, n_switches, *, beside=1):
+        self.ahead += self.has_waited and len(self.begun) > self.waited
+        self.begun[len(self.begun)], self.has_waited = (list(waveforms), n_switches), False
+        self.most = max(self.most, len(self.begun) - self.waited)
+        return len(self.begun) - 1
+
+    def wait(self, question):
+        waveforms, n_switches = self.begun[question]
+        self.begun[question], self.has_waited = None, True
+        self.waited += 1
+        return self.bowl.values(waveforms, n_switches)
+
+
+@pytest.mark.parametrize(
+    ("prior", "most"),
+    [
+        ({"budget": 400}, 2),
+        ({"budget": 397, "n_descents": 5, "rounds": 3}, 5),
+        ({"budget": 300, "n_descents": 1}, 1),
+        ({"budget": 40, "n_descents": 3}, 3),
+    ],
+)
+def test_who_need_not_be_waited_for_is_asked_ahead_and_the_basins_are_the_same(prior, most):
+    config = config_of(prior=prior)
+    bowl, workers = Bowl(config), Elsewhere(config)
+    found, same = find_basins(config, bowl.values), find_basins(config, workers)
+    assert same.waveforms == found.waveforms
+    assert same.g_cm_s.tobytes() == found.g_cm_s.tobytes()
+    assert same.shapes.tobytes() == found.shapes.tobytes()
+    assert workers.bowl.asked == bowl.asked == found.n_tried, "nothing is evaluated twice"
+    assert workers.waited == len(workers.begun), "nothing is asked in vain"
+    assert workers.most == most
+    assert (workers.ahead > 0) == (most > 1 and prior["budget"] > 40)
+
+
+def test_a_descent_that_fails_ahead_fails_in_its_wave_as_it_would(monkeypatch):
+    config, tell = config_of(prior={"budget": 400, "n_descents": 3}), Descent.tell
+
+    def failing(self, g):
+        if len(self.told) == 4 and self.points()[0, 0] > 0.45:
+            raise np.linalg.LinAlgError("no factor")
+        tell(self, g)
+
+    monkeypatch.setattr(Descent, "tell", failing)
+    workers = Elsewhere(config)
+    found, same = find_basins(config, Bowl(config).values), find_basins(config, workers)
+    assert same.waveforms == found.waveforms
+    assert same.shapes.tobytes() == found.shapes.tobytes()
+
+
+def test_why_a_waveform_has_no_value_is_told_by_workers_too():
+    config = config_of()
+    found = find_basins(config, Elsewhere(config, failing=True))
+    assert found.failure == "CannotSimulate: no licence"
 
 
 def test_a_model_s_own_word_is_no_value_and_a_fault_of_the_machine_is_no_word(monkeypatch):

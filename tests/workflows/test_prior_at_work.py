@@ -196,6 +196,35 @@ def test_a_task_is_tried_again_and_results_come_back_in_the_order_asked_for() ->
     np.testing.assert_array_equal(found.g_cm_s, np.arange(60.0))
 
 
+def test_questions_are_answered_whichever_is_waited_for_first() -> None:
+    executor = Failing(MAX_TRIES - 1, RuntimeError("gone"))
+    prior, waveforms = asking(executor, []), some_waveforms(90)
+    first, second = prior.begin(waveforms[:30], 24), prior.begin(waveforms[30:], 24)
+    executor.events.rotate(1)
+    np.testing.assert_array_equal(prior.wait(second).g_cm_s, np.arange(60.0))
+    np.testing.assert_array_equal(prior.wait(first).g_cm_s, np.arange(30.0))
+
+
+@pytest.mark.parametrize(
+    ("n", "n_switches", "beside", "sizes"),
+    [
+        (60, 512, 1, [15, 15, 15, 15]),
+        (20, 512, 1, [5, 5, 5, 5]),
+        (20, 128, 1, [7, 6, 7]),
+        (20, 128, 6, [20]),
+        (20, 512, 3, [10, 10]),
+        (3, 4096, 1, [1, 1, 1]),
+        (1, 24, 1, [1]),
+    ],
+)
+def test_waveforms_are_dealt_evenly_and_no_task_is_smaller_than_it_is_worth(
+    n: int, n_switches: int, beside: int, sizes: list[int]
+) -> None:
+    executor = Failing(0, RuntimeError())
+    asking(executor, []).begin(some_waveforms(n), n_switches, beside=beside)
+    assert [len(task.waveforms) for task, _ in executor.events] == sizes
+
+
 @pytest.mark.parametrize(
     ("times", "failure"), [(99, RuntimeError("gone")), (1, Stopped("no worker is left")), (1, OSError(28, "full"))]
 )

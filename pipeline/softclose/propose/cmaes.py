@@ -33,7 +33,8 @@ class CmaesEngine:
         """The next generation of the run whose turn it is."""
         each, given, lag = _generation(problem), problem.n_initial_waveforms, problem.config.campaign.lag
         number = (wave.start - given) // each
-        told = [stage_g(history, given + k * each, given + (k + 1) * each) for k in range(number % lag, number, lag)]
+        begins = [given + k * each for k in range(number % lag, number, lag)]
+        told = [stage_g(problem, history, begin, begin + each) for begin in begins]
         points = continued(problem, ("cmaes", number % lag), lambda: _begin(problem, number % lag), told).points()
         waveforms = problem.space.waveforms(points[: wave.size])
         return [Proposal(waveform=w, origin=CMAES, n_switches=wave.n_switches) for w in waveforms]

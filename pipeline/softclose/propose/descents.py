@@ -6,7 +6,9 @@ cache only: what it was told is held against the records first, and where they d
 
 from __future__ import annotations
 
+import functools
 import math
+import sys
 import warnings
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any
@@ -25,13 +27,28 @@ AGAIN = 0.4
 """A run that has converged begins again around its mean, this much as wide as it began."""
 
 
+@functools.cache
+def library() -> Any:
+    """The library, imported where it is used and without the plotting that it would load: that is half of its time."""
+    plots = "matplotlib"
+    keeps_out = plots not in sys.modules
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if keeps_out:
+            sys.modules[plots] = None  # type: ignore[assignment]
+        try:
+            import cma
+        finally:
+            if keeps_out:
+                del sys.modules[plots]
+    return cma
+
+
 def strategy(start: FloatArray, widths: FloatArray, sigma: float, generation: int, draw: np.random.Generator) -> Any:
     """CMA-ES of the library in the unit cube, every random number of it from `draw`.
 
     widths: (d,) scale of each coordinate about the start: one that begins in the tail of its axis is searched there.
     """
-    import cma  # imported where it is used: it is slow to import
-
     options: dict[str, Any] = {
         "bounds": [0.0, 1.0],
         "verbose": -9,
@@ -42,7 +59,7 @@ def strategy(start: FloatArray, widths: FloatArray, sigma: float, generation: in
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return cma.CMAEvolutionStrategy(np.clip(start, 0.01 * widths, 1.0 - 0.01 * widths), sigma, options)
+        return library().CMAEvolutionStrategy(np.clip(start, 0.01 * widths, 1.0 - 0.01 * widths), sigma, options)
 
 
 NARROWEST = 1e-3

@@ -15,6 +15,7 @@ from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent, continued
 from softclose.propose.design import design_point
+from softclose.propose.known import column
 from softclose.propose.ladder import Course, Ladder, build_ladder, courses, owner
 from softclose.propose.origins import BY_HAND, EXPLORE, FALLBACK, SCOUT
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave
@@ -50,7 +51,7 @@ class ExploreEngine:
         begin = problem.config.campaign.budget
         number = ladder.step_at(wave.start - begin)
         turn = ladder.steps[number].turn
-        known, sharing = courses(ladder, turn, number, stage_g(history, begin, wave.start))
+        known, sharing = courses(ladder, turn, number, stage_g(problem, history, begin, wave.start))
         if ladder.steps[number].round < 0:
             origin = SCOUT
             points = np.array([_scout(problem, who, i) for who in sharing for i in range(ladder.n_scouts)])
@@ -62,19 +63,56 @@ class ExploreEngine:
         return [Proposal(waveform=w, origin=origin, n_switches=wave.n_switches) for w in waveforms]
 
 
-def stage_g(history: Sequence[Observation], begin: int, end: int) -> FloatArray:
+def stage_g(problem: Problem, history: Sequence[Observation], begin: int, end: int) -> FloatArray:
     """(n,) ranks of the records from `begin` to before `end` [cm/s]; inf where a candidate has none or was not asked
     for."""
-    others = (FALLBACK, BY_HAND)
-    return np.array(
-        [o.rank_cm_s if o.usable and not o.origin.startswith(others) else np.inf for o in history[begin:end]]
-    )
+    return column(problem, ("rank", begin), history[begin:end], _g)
+
+
+def _g(o: Observation) -> float:
+    return o.rank_cm_s if o.usable and not o.origin.startswith((FALLBACK, BY_HAND)) else np.inf
 
 
 def descent(problem: Problem, ladder: Ladder, who: int, course: Course, history: Sequence[Observation]) -> Descent:
     """The run of one descent after its course so far, kept for its next generation."""
     start = _start(problem, ladder, who, course, history)
     return continued(problem, ("explore", who, start.tobytes()), lambda: _begin(problem, who, start), course.told)
+
+
+class NextGenerations:
+    """What descents will ask for next, each as soon as its own values are there: they are independent until the better
+    half of them goes on."""
+
+    def __init__(self, problem: Problem, wave: Wave, history: Sequence[Observation]) -> None:
+        """history: the records before the wave, which is being evaluated."""
+        self._problem, self._history = problem, history
+        self._ladder, begin = explore_ladder(problem), problem.config.campaign.budget
+        self._known: dict[int, Course] = {}
+        self._sharing: list[int] = []
+        self.n_shares = 1
+        """Equal parts of the wave, each of one descent."""
+        if self._ladder.turns > 1 or not begin <= wave.start < begin + problem.config.explore.budget:
+            return
+        number = self._ladder.step_at(wave.start - begin)
+        step, *then = self._ladder.steps[number : number + 2]
+        if step.round < 0 or step.size != step.n_descents * self._ladder.generation:
+            return
+        self.n_shares = step.n_descents
+        if then and (then[0].round, then[0].size) == (step.round, step.size):
+            g = stage_g(problem, history, begin, wave.start)
+            self._known, self._sharing = courses(self._ladder, step.turn, number, g)
+
+    @property
+    def are_known(self) -> bool:
+        """Whether what each descent asks for next follows from its own values alone."""
+        return bool(self._sharing)
+
+    def points(self, share: int, told: Sequence[Observation]) -> FloatArray:
+        """(generation, d) what the descent of a share asks for after the records of its share."""
+        who = self._sharing[share]
+        course = self._known[who]
+        after = Course(scouts=course.scouts, told=[*course.told, np.array([_g(o) for o in told])])
+        return descent(self._problem, self._ladder, who, after, self._history).points()
 
 
 def past(
@@ -87,7 +125,7 @@ def past(
     if not 0 <= place < problem.config.explore.budget:
         return None
     ladder = explore_ladder(problem)
-    g = stage_g(history, begin, begin + problem.config.explore.budget)
+    g = stage_g(problem, history, begin, begin + problem.config.explore.budget)
     who = owner(ladder, place, g)
     course = courses(ladder, who % ladder.turns, len(ladder.steps), g)[0][who]
     if not course.told:

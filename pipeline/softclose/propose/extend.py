@@ -34,7 +34,7 @@ class ExtendEngine:
         settings, each = problem.config.finish, problem.config.explore.generation
         begin = extensions(problem.config)[wave.stage].begin
         start = _start(problem, history[:begin])
-        g = stage_g(history, begin, wave.start)
+        g = stage_g(problem, history, begin, wave.start)
         run = continued(
             problem,
             (wave.stage, start.tobytes()),

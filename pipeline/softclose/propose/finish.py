@@ -98,10 +98,10 @@ def _descend(problem: Problem, wave: Wave, history: Sequence[Observation], basin
     settings, begin = problem.config.finish, _begin_of_stage(problem)
     ladder = _polish_ladder(problem)
     first = begin + min(settings.n_basins, settings.budget)
-    again = stage_g(history, begin, first)[: len(basins)]
+    again = stage_g(problem, history, begin, first)[: len(basins)]
     ranked = [basins[i] for i in np.argsort(again, kind="stable")]
     number = ladder.step_at(wave.start - first)
-    known, sharing = courses(ladder, 0, number, stage_g(history, first, wave.start))
+    known, sharing = courses(ladder, 0, number, stage_g(problem, history, first, wave.start))
     if not ranked:
         return np.empty((0, problem.space.dim))
     runs: dict[int, Descent] = {}

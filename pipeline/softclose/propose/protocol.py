@@ -167,6 +167,11 @@ class Problem:
         return {}
 
     @cached_property
+    def known(self) -> dict[Hashable, Any]:
+        """What was worked out of records before: a cache, see `softclose.propose.known`."""
+        return {}
+
+    @cached_property
     def basins(self) -> Basins | None:
         """The basins of the prior; None without a prior."""
         if not self.config.has_prior:

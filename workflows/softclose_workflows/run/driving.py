@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import click
 from softclose import ALGORITHM
 from softclose.device.protocol import measured
 from softclose.plugins import MEASURED
+from softclose.propose.ahead import load_ahead
 from softclose.settings import CampaignConfig
 from softclose_store import DamageError, DriverStore, StoreError, finish_extension, open_campaign, store_state, verify
 from softclose_workflows.errors import Stopped, StoreGoneError, machine_faults
@@ -21,6 +23,7 @@ from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store, layout_of
 from softclose_workflows.run.crew import Crew
 from softclose_workflows.run.executors import Executor, Placement, open_executor
+from softclose_workflows.run.executors.placement import prepare_to_open
 from softclose_workflows.run.needs import announced, check_run
 from softclose_workflows.run.opening import design_at_the_end
 from softclose_workflows.run.progress import show_progress
@@ -71,7 +74,7 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
         if not state.finished:
             if config is None:
                 whole.check_plugins()
-            with working(STARTING, quiet=quiet):
+            with working(STARTING, quiet=quiet), _loading(whole, placement):
                 executor = opened()
             made: list[Actuated] = []
             if config is not None and is_new:
@@ -94,6 +97,24 @@ def _drive(path: str, placement: Placement, *, config: CampaignConfig | None, br
             keep_actuations(path, whole, mapper=crew)
         if whole.opening.is_designed:
             design_at_the_end(path, mapper=crew, quiet=quiet)
+
+
+@contextlib.contextmanager
+def _loading(config: CampaignConfig, placement: Placement) -> Iterator[None]:
+    """Load meanwhile what proposals will need, where other processes start: they take as long."""
+
+    def load() -> None:
+        with contextlib.suppress(Exception):  # it is told where it is needed
+            load_ahead(config)
+
+    if placement.serial:
+        yield
+        return
+    prepare_to_open(placement)
+    thread = threading.Thread(target=load, name="softclose-loading", daemon=True)
+    thread.start()
+    yield
+    thread.join()  # what is half imported would be met by the imports of the proposals
 
 
 def _check_sizes(store: DriverStore, config: CampaignConfig, path: str) -> None:

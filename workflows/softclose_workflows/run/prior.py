@@ -5,9 +5,10 @@ Both are pure functions of the configuration: how waveforms are dealt to workers
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from softclose.propose.prior import Prior
 from softclose.propose.prior_basins import find_basins
-from softclose.propose.promises import Ask, Basins, PriorError, PriorValues
+from softclose.propose.promises import Ask, Asking, Basins, PriorError, PriorValues
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import DamageError, GroupArray, StoreMissingError, faults, open_campaign, read_group, write_group
@@ -30,8 +31,8 @@ from softclose_workflows.run.tasks import Rows, rows_of
 GROUP = "prior/basins"
 """Group of the store that holds the basins of the prior."""
 
-LEAST_IN_A_TASK = 8
-"""Waveforms of one task at least: a task costs a millisecond, a waveform on the prior as much."""
+LEAST_IN_A_TASK = 1_024
+"""Trajectories of one task at least: a task costs a millisecond, so many trajectories some four."""
 
 POLL_S = 0.5
 """How often a wait for the prior looks up: for lost workers, for a stop request [s]."""
@@ -95,6 +96,27 @@ class Found:
 
 
 @dataclass(slots=True, eq=False)
+class Question:
+    """Waveforms that workers evaluate."""
+
+    n_switches: int
+    """Of the prior, under each."""
+    tasks: list[PriorTask]
+    retries: Retries
+    found: dict[int, PriorValues] = field(default_factory=dict)
+    """What has come back, by the first waveform of its task."""
+
+    @property
+    def values(self) -> PriorValues:
+        """The whole answer, once all of it has come back."""
+        parts = [self.found[first] for first in sorted(self.found)]
+        return PriorValues(
+            g_cm_s=np.concatenate([part.g_cm_s for part in parts]) if parts else np.empty(0),
+            failure=next((part.failure for part in parts if part.failure), ""),
+        )
+
+
+@dataclass(slots=True, eq=False)
 class PriorAtWork:
     """What `Problem` asks of a prior, by a campaign's own executor and store."""
 
@@ -111,40 +133,61 @@ class PriorAtWork:
     """Whether every worker has a block to compute: what was asked for now would wait behind it."""
     _here: PriorOfStore | None = None
     _finding: Found | None = None
+    _asked: dict[int, Question] = field(default_factory=dict)
+    """Questions whose answer is not waited for yet, by the identity of each task."""
 
     def basins(self) -> Basins:
         """As stored, or else found and stored, before anything of the campaign is."""
         self._finding = Found()
         try:
-            return _stored_or_found(self.store, self.config, self.values, keeps=True)
+            return _stored_or_found(self.store, self.config, self, keeps=True)
         finally:
             self._finding = None
+            self._asked.clear()
 
     def values(self, waveforms: Sequence[Waveform], n_switches: int | None = None) -> PriorValues:
         """The prior's g of each waveform, evaluated by whoever is free: by this process while every worker is busy."""
-        if self._finding is not None:
-            faults.point("finding-basins")
-        elif self.is_busy():
+        if self._finding is None and self.is_busy():
             if self._here is None:
                 self._here = PriorOfStore(self.store, self.config)
             return self._here.values(waveforms, n_switches)
-        n = len(waveforms)
-        each = max(math.ceil(n / max(2 * self.executor.n_workers, 1)), LEAST_IN_A_TASK)
-        tasks = [
-            PriorTask(
-                store=self.store,
-                fingerprint=self.fingerprint,
-                first=first,
-                waveforms=tuple(rows_of(w) for w in waveforms[first : first + each]),
-                n_switches=n_switches,
-            )
-            for first in range(0, n, each)
-        ]
-        for task in tasks:
+        question = self.begin(waveforms, n_switches)
+        try:
+            return self.wait(question)
+        finally:
+            self._asked.clear()
+
+    def begin(self, waveforms: Sequence[Waveform], n_switches: int | None = None, *, beside: int = 1) -> Question:
+        """Send waveforms to the workers; `beside` questions as large are under way together."""
+        if self._finding is not None:
+            faults.point("finding-basins")
+        each_of = self.config.prior.n_switches if n_switches is None else n_switches
+        n, n_workers = len(waveforms), max(self.executor.n_workers, 1)
+        largest = max(math.ceil(n * beside / (2 * n_workers)), math.ceil(LEAST_IN_A_TASK / each_of))
+        n_tasks = math.ceil(n / largest)
+        ends = [round(n * k / n_tasks) for k in range(n_tasks + 1)] if n else []
+        question = Question(
+            each_of,
+            [
+                PriorTask(
+                    store=self.store,
+                    fingerprint=self.fingerprint,
+                    first=first,
+                    waveforms=tuple(rows_of(w) for w in waveforms[first:end]),
+                    n_switches=n_switches,
+                )
+                for first, end in itertools.pairwise(ends)
+            ],
+            Retries(self.executor.submit),
+        )
+        for task in question.tasks:
+            self._asked[id(task)] = question
             self.executor.submit(task)
-        found: dict[int, PriorValues] = {}
-        retries = Retries(self.executor.submit)
-        while len(found) < len(tasks):
+        return question
+
+    def wait(self, question: Question) -> PriorValues:
+        """The answer to a question; what comes of others meanwhile is kept for them."""
+        while len(question.found) < len(question.tasks):
             event = self.executor.next_event(POLL_S)
             if self._finding is not None and self.stop:
                 raise PriorError from Stopped(
@@ -156,24 +199,23 @@ class PriorAtWork:
             done, outcome = event
             if not isinstance(done, PriorTask):
                 self.receive(event)
-            elif not any(done is own for own in tasks):
+                continue
+            owner = self._asked.get(id(done))
+            if owner is None or not any(done is own for own in owner.tasks):
                 continue  # of a proposal that was given up
-            elif isinstance(outcome, PriorValues):
-                found[done.first] = outcome
-            else:
-                assert isinstance(outcome, BaseException)
-                try:
-                    retries.again(done, outcome)
-                except Stopped as e:
-                    raise PriorError from e
-        parts = [found[first] for first in sorted(found)]
-        values = PriorValues(
-            g_cm_s=np.concatenate([part.g_cm_s for part in parts]) if parts else np.empty(0),
-            failure=next((part.failure for part in parts if part.failure), ""),
-        )
+            if isinstance(outcome, PriorValues):
+                owner.found[done.first] = outcome
+                continue
+            assert isinstance(outcome, BaseException)
+            try:
+                owner.retries.again(done, outcome)
+            except Stopped as e:
+                raise PriorError from e
+        for task in question.tasks:
+            self._asked.pop(id(task), None)
+        values = question.values
         if self._finding is not None:
-            each_of = self.config.prior.n_switches if n_switches is None else n_switches
-            self._finding = self._finding.after(values.g_cm_s, each_of)
+            self._finding = self._finding.after(values.g_cm_s, question.n_switches)
             self.told(self._finding)
         return values
 
@@ -199,7 +241,7 @@ class PriorOfStore:
         return self._prior.values(waveforms, n_switches)
 
 
-def _stored_or_found(path: str, config: CampaignConfig, ask: Ask, *, keeps: bool) -> Basins:
+def _stored_or_found(path: str, config: CampaignConfig, ask: Ask | Asking, *, keeps: bool) -> Basins:
     try:
         stored = read_basins(path)
     except DamageError:  # a pure function of the configuration: it comes out the same again

@@ -239,8 +239,9 @@ quarter of a large block's time. Dask hands back all above 64 KiB.
 
 
 def configure() -> None:
-    """Dask's settings for every cluster of ours."""
+    """Dask's settings for every cluster of ours, and all of it imported."""
     import dask
+    import distributed  # noqa: F401
 
     dask.config.set(
         {

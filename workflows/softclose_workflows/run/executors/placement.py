@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from softclose_workflows.errors import ExecutorError
 from softclose_workflows.run.executors.cluster_file import Cluster
-from softclose_workflows.run.executors.dask import local_cluster, remote_cluster
+from softclose_workflows.run.executors.dask import configure, local_cluster, remote_cluster
 from softclose_workflows.run.executors.protocol import Executor
 from softclose_workflows.run.executors.serial import SerialExecutor
 from softclose_workflows.run.executors.threads import ThreadExecutor
@@ -91,6 +91,12 @@ def open_executor(placement: Placement, *, threads: int | None = None) -> Iterat
     else:
         with local_cluster(placement.n_processes, placement.patience_s) as executor:
             yield executor
+
+
+def prepare_to_open(placement: Placement) -> None:
+    """Import what an executor needs, so that other imports may go on beside its start."""
+    if not placement.serial:
+        configure()
 
 
 def n_cores() -> int:
