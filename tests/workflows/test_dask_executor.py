@@ -305,4 +305,7 @@ def test_a_cluster_of_our_own_is_silent_and_restarts_quickly():
         executors.configure()
         assert dask.config.get("distributed.scheduler.allowed-failures") == MAX_TRIES
         assert dask.config.get("distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_") == 2**28
+        watched = {name: dask.config.get(name) for name in executors.WATCHING}
+        assert watched == executors.WATCHING
+        assert watched["distributed.worker.profile.enabled"] is False
     assert not logging.getLogger("distributed.nanny").isEnabledFor(logging.CRITICAL)

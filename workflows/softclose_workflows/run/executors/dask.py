@@ -238,6 +238,18 @@ quarter of a large block's time. Dask hands back all above 64 KiB.
 """
 
 
+WATCHING: dict[str, object] = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.system-monitor.disk": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.worker.memory.monitor-interval": "500ms",
+}
+"""How closely Dask watches itself: each process of a cluster looks at its stacks, its event loop and its memory up to a
+hundred times a second, for a dashboard, and takes a tenth of a core for it whether there is work or not."""
+
+
 def configure() -> None:
     """Dask's settings for every cluster of ours, and all of it imported."""
     import dask
@@ -246,6 +258,7 @@ def configure() -> None:
     dask.config.set(
         {
             "distributed.scheduler.allowed-failures": MAX_TRIES,
+            **WATCHING,
             **{f"distributed.nanny.pre-spawn-environ.{name}": size for name, size in ALLOCATOR.items()},
             # Blocks are long and few: stealing and work queueing buy nothing, a quick restart does.
             "distributed.comm.timeouts.connect": "10s",
