@@ -31,8 +31,9 @@ from softclose_workflows.run.tasks import Rows, rows_of
 GROUP = "prior/basins"
 """Group of the store that holds the basins of the prior."""
 
-LEAST_IN_A_TASK = 1_024
-"""Trajectories of one task at least: a task costs a millisecond, so many trajectories some four."""
+LEAST_IN_A_TASK = 8_192
+"""Trajectories of one task at least: on a local cluster a task takes 7 to 20 ms of processor time, most of it the
+driver's, so many trajectories some 30."""
 
 POLL_S = 0.5
 """How often a wait for the prior looks up: for lost workers, for a stop request [s]."""
