@@ -14,18 +14,18 @@ import numpy as np
 from softclose.arrays import FloatArray
 from softclose.propose.protocol import Observation, Problem
 
-Answer = TypeVar("Answer")
+WorkedOut = TypeVar("WorkedOut")
 
 
 def remembered(
-    problem: Problem, key: Hashable, records: Sequence[Observation], work_out: Callable[[list[Observation]], Answer]
-) -> Answer:
+    problem: Problem, key: Hashable, records: Sequence[Observation], work_out: Callable[[list[Observation]], WorkedOut]
+) -> WorkedOut:
     """What `work_out` says of these records: from before, where the last question of this key was of the same ones."""
     asked = list(records)
     before: tuple[list[Observation], Any] | None = problem.known.get(key)
     if before is None or before[0] != asked:
         before = problem.known[key] = asked, work_out(asked)
-    answer: Answer = before[1]
+    answer: WorkedOut = before[1]
     return answer
 
 

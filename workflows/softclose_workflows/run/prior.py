@@ -97,7 +97,7 @@ class Found:
 
 
 @dataclass(slots=True, eq=False)
-class Question:
+class PriorQuestion:
     """Waveforms that workers evaluate."""
 
     n_switches: int
@@ -134,7 +134,7 @@ class PriorAtWork:
     """Whether every worker has a block to compute: what was asked for now would wait behind it."""
     _here: PriorOfStore | None = None
     _finding: Found | None = None
-    _asked: dict[int, Question] = field(default_factory=dict)
+    _asked: dict[int, PriorQuestion] = field(default_factory=dict)
     """Questions whose answer is not waited for yet, by the identity of each task."""
 
     def basins(self) -> Basins:
@@ -158,7 +158,7 @@ class PriorAtWork:
         finally:
             self._asked.clear()
 
-    def begin(self, waveforms: Sequence[Waveform], n_switches: int | None = None, *, beside: int = 1) -> Question:
+    def begin(self, waveforms: Sequence[Waveform], n_switches: int | None = None, *, beside: int = 1) -> PriorQuestion:
         """Send waveforms to the workers; `beside` questions as large are under way together."""
         if self._finding is not None:
             faults.point("finding-basins")
@@ -167,7 +167,7 @@ class PriorAtWork:
         largest = max(math.ceil(n * beside / (2 * n_workers)), math.ceil(LEAST_IN_A_TASK / each_of))
         n_tasks = math.ceil(n / largest)
         ends = [round(n * k / n_tasks) for k in range(n_tasks + 1)] if n else []
-        question = Question(
+        question = PriorQuestion(
             each_of,
             [
                 PriorTask(
@@ -186,7 +186,7 @@ class PriorAtWork:
             self.executor.submit(task)
         return question
 
-    def wait(self, question: Question) -> PriorValues:
+    def wait(self, question: PriorQuestion) -> PriorValues:
         """The answer to a question; what comes of others meanwhile is kept for them."""
         while len(question.found) < len(question.tasks):
             event = self.executor.next_event(POLL_S)
