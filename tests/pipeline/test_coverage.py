@@ -5,32 +5,17 @@ A small version of benchmarks/interval_coverage.py, whose tables are in docs/mea
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmark_files import benchmark
 from softclose.metrics.intervals import unseen_share
 from softclose.metrics.objective import assess
 from softclose.metrics.paired import compare, proportion_difference
 
-
-def _benchmark() -> Any:
-    path = Path(__file__).parents[2] / "benchmarks" / "interval_coverage.py"
-    spec = importlib.util.spec_from_file_location("coverage_benchmark", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-coverage = _benchmark()
+coverage = benchmark("interval_coverage")
 N_REPETITIONS = 200
 LEAST = 0.95 - 3.5 * math.sqrt(0.95 * 0.05 / N_REPETITIONS)
 """What 95 % of 200 may come out as by chance, once in some thousand cells: 0.896."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 import random
@@ -13,36 +12,25 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmark_files import BENCHMARKS, benchmark
 from softclose.evaluate import draw
 from softclose.propose.protocol import Problem
 from softclose.settings import CampaignConfig, load_config
 from softclose.waveform.pulses import WaveformError
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-
-
-def _benchmark(name: str) -> Any:
-    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
 
 @pytest.fixture(scope="module")
 def peers() -> Any:
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(FOLDER))
-        yield _benchmark("peers")
+        patch.syspath_prepend(str(BENCHMARKS))
+        yield benchmark("peers")
     for name in ("peers", "prior"):
         del sys.modules[name]
 
 
 @pytest.fixture(scope="module")
 def peer() -> Any:
-    return _benchmark("peer")
+    return benchmark("peer")
 
 
 N = 12

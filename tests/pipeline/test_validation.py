@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmark_files import benchmark
 from softclose.switch.losses import Losses, shape_factor
 
 ROOT = Path(__file__).parents[2]
@@ -17,13 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def validation() -> Any:
-    spec = importlib.util.spec_from_file_location("validation", ROOT / "benchmarks" / "validation.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["validation"] = module
-    spec.loader.exec_module(module)
-    return module
+    return benchmark("validation")
 
 
 def test_the_page_is_what_the_command_writes_and_the_figures_hold(validation: Any) -> None:

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from softclose.arrays import FloatArray, IntArray
 from softclose.compiled import cached_njit
+from softclose.waveform.fitted import MANY
 from softclose.waveform.flat import flatten_pulses, volts
 from softclose.waveform.lowpass import deliver_flat, poles, room
 from softclose.waveform.pieced import Pieced
 from softclose.waveform.pulses import MAX_VOLTS, Waveform, WaveformError, is_above
 
-_FEW = 40
-"""Pieces that are not worth the compiler: as many as a drive may have and stay exact."""
 _compiled = cached_njit(error_model="numpy")(deliver_flat)
+"""For more pieces than a drive may have and stay exact; fewer are not worth the compiler."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class Delivered:
         command = self.flat_command(horizon_us)
         out = room(command[0], command[2])
         path = self.path(horizon_us)
-        how = _compiled if len(command[0]) > _FEW else deliver_flat
+        how = _compiled if len(command[0]) > MANY else deliver_flat
         m = how(*command, path, 1.0, self.delay_us, self.offset_volts, *out)
         return out[0][:m], out[1][:m], out[2][:m]
 

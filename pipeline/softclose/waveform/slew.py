@@ -69,11 +69,7 @@ def _limit(pieces, n_ramps, ramps, slew, out, out_n, out_rows):  # type: ignore[
                 y, slope, _ = _at(rows, n, level, t)
                 if t == end:
                     break
-                way = math.copysign(1.0, slope)
-            elif met:
-                way = math.copysign(1.0, slope)
-            else:
-                way = math.copysign(1.0, u - y)
+            way = math.copysign(1.0, slope if met else u - y)
             until = min(_meets(rows, n, level, t, end, y, way * slew), end)
             if end - until <= SNAP_US:
                 until = end
