@@ -30,6 +30,18 @@ def test_the_model_of_the_study_is_the_default() -> None:
     assert protocol.load_model(plugins.SINGLE_MODE) is simulate
 
 
+def test_for_what_is_shipped_nobody_looks_through_the_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes 30 ms, and a configuration is read by every command."""
+
+    def looked(group: str) -> list[Any]:
+        raise AssertionError(f"looked for {group}")
+
+    monkeypatch.setattr(plugins, "entry_points", looked)
+    assert load_config("current").model.name == plugins.SINGLE_MODE
+    with pytest.raises(AssertionError, match="models"):
+        plugins.MODELS.check("heavier")
+
+
 @pytest.mark.usefixtures("installed")
 def test_an_installed_model_is_named_in_the_configuration_and_loaded() -> None:
     assert load_config({}, ["model.name=heavier"]).model.name == "heavier"

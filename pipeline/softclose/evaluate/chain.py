@@ -61,6 +61,11 @@ def device_of(config: CampaignConfig) -> Device:
     )
 
 
+def seconds_a_switch(config: CampaignConfig) -> float:
+    """`CampaignConfig.seconds_a_switch`, worked out once: analyses ask before every question, be it of ten switches."""
+    return _seconds(_Same(config))
+
+
 class _Same:
     """A configuration, equal to itself alone: it is never changed, and comparing all of it would cost a simulation."""
 
@@ -74,6 +79,11 @@ class _Same:
 
     def __eq__(self, other: Any) -> bool:
         return isinstance(other, _Same) and other.config is self.config
+
+
+@lru_cache(maxsize=16)
+def _seconds(same: _Same) -> float:
+    return same.config.seconds_a_switch
 
 
 @lru_cache(maxsize=16)

@@ -15,6 +15,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from softclose.device.cost import rows_a_piece
+from softclose.evaluate.chain import seconds_a_switch
 from softclose.evaluate.respond import respond
 from softclose.metrics.objective import Judged
 from softclose.population.lot import Lot
@@ -75,7 +76,7 @@ class Work:
 
 def rows_of_pieces(config: CampaignConfig, n: int, *, n_waveforms: int = 1) -> list[range]:
     """The rows of each piece of n switches, by what the device model says that a trajectory costs."""
-    most = rows_a_piece(config.seconds_a_switch, n_waveforms=n_waveforms)
+    most = rows_a_piece(seconds_a_switch(config), n_waveforms=n_waveforms)
     return [range(start, min(start + most, n)) for start in range(0, n, most)]
 
 
