@@ -29,6 +29,17 @@ def test_points_are_scipy_s_wherever_a_piece_begins(dim: int, start: int, n: int
     np.testing.assert_array_equal(scrambled_sobol(dim, n, np.random.default_rng(seed), start=start), theirs)
 
 
+@settings(max_examples=examples(30), deadline=None)
+@given(st.integers(1, MOST_DIMENSIONS), st.integers(0, 300), st.integers(1, 300), st.integers(0, 9))
+def test_points_of_64_bits_are_scipy_s(dim: int, start: int, n: int, seed: int) -> None:
+    """As global sensitivity draws them. (scipy 1.17 cannot begin such a sequence later.)"""
+    engine = qmc.Sobol(dim, scramble=True, bits=64, rng=np.random.default_rng(seed))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = engine.random(start + n)[start:]
+    np.testing.assert_array_equal(scrambled_sobol(dim, n, np.random.default_rng(seed), start=start, bits=64), theirs)
+
+
 def test_the_last_points_of_a_sequence_are_scipy_s() -> None:
     engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(1))
     engine.fast_forward(MOST_POINTS - 5)

@@ -20,6 +20,7 @@ from softclose.evaluate.pieces import Mapper, Sent, here, rows_of_pieces
 from softclose.metrics.intervals import student_interval
 from softclose.metrics.objective import CM_S, MAX_FAILED, in_time
 from softclose.population import Population
+from softclose.population.nets import scrambled_sobol
 from softclose.settings import CampaignConfig, load_config
 from softclose.waveform import Waveform
 
@@ -120,7 +121,7 @@ def sensitivity(
         raise SensitivityError(f"n is {n}; it must be a power of 2, such as 512 or 4096")
     if n_replicates < 2:
         raise SensitivityError(f"n_replicates is {n_replicates}; intervals need at least 2 (8 is usual)")
-    from scipy.stats import qmc, sobol_indices
+    from scipy.stats import sobol_indices
 
     settings = load_config({}) if config is None else config
     area = population.plate_area(None if config is None else config.model.plate_area_um2)
@@ -160,7 +161,7 @@ def sensitivity(
         spread.clear()
         with np.errstate(divide="ignore", invalid="ignore"):
             # The indices of a group are those of one input of several dimensions: its columns are exchanged together.
-            a, b = qmc.Sobol(d=2 * len(parts), rng=rng, bits=64).random(n).T.reshape(2, len(parts), n)
+            a, b = scrambled_sobol(2 * len(parts), n, rng, bits=64).T.reshape(2, len(parts), n)
             exchanged = np.stack([np.where(np.isin(parts, group)[:, None], b, a) for group in groups])
             f_ab = outputs(np.concatenate(list(exchanged), axis=1)).reshape(len(OUTPUTS), len(groups), n)
             known = {"f_A": outputs(a), "f_B": outputs(b), "f_AB": f_ab.transpose(1, 0, 2)}
