@@ -13,11 +13,17 @@ from scipy import stats
 
 from softclose import load_population
 from softclose.population import VARIABLES, Population, PopulationError
-from softclose.population.calibrate import Calibration, calibrate, device_parameters, write_calibration
+from softclose.population.calibrate import (
+    Calibration,
+    calibrate,
+    device_parameters,
+    rank_correlation,
+    write_calibration,
+)
 from softclose.population.distributions import Bounded
-from softclose.population.fit import cramer_von_mises, estimate, fit
+from softclose.population.fit import estimate, fit
 from softclose.population.measurements import MeasurementError, read_devices, read_measurements, write_synthetic
-from softclose.population.plausible import FitKind
+from softclose.population.plausible import FitKind, Lots, cramer_von_mises
 
 EXAMPLE = Path(str(resources.files("softclose.population") / "shipped" / "example_measurements.csv"))
 
@@ -157,6 +163,34 @@ def test_a_fit_that_is_stretched_and_moved_stands_for_lots_that_are() -> None:
         np.testing.assert_allclose(moved[name].interval, 3.0 + 2.0 * np.array(plain[name].interval), rtol=2e-3)
     np.testing.assert_allclose(moved["sd"].interval, 2.0 * np.array(plain["sd"].interval), rtol=2e-3)
     np.testing.assert_allclose(moved["alpha"].interval, plain["alpha"].interval, atol=2e-2)
+
+
+@pytest.mark.parametrize("n", [5, 12, 60])
+def test_rank_correlations_are_scipy_s_bit_for_bit(n: int) -> None:
+    x = np.random.default_rng(n).standard_normal((n, 4))
+    x[:, 1] = np.exp(x[:, 0])  # of rank correlation 1
+    x[:, 2] = np.round(x[:, 2])  # ties
+    found, p_values = rank_correlation(x)
+    theirs = stats.spearmanr(x)
+    np.testing.assert_array_equal(found, theirs.statistic)
+    np.testing.assert_array_equal(p_values, theirs.pvalue)
+    x[:, 3] = 1.0
+    found, p_values = rank_correlation(x)
+    assert np.isnan(found[:3, 3]).all()
+    assert not (p_values[:3, 3] < 1.0).any()
+    np.testing.assert_array_equal(found[:3, :3], theirs.statistic[:3, :3])
+
+
+def test_many_distributions_at_once_are_each_by_itself() -> None:
+    each = [Bounded(lower=-1.0, upper=2.0, alpha=1.07, beta=2.93), Bounded(lower=0.3, upper=0.7, alpha=3.0, beta=1.0)]
+    at_once = Lots.of(each)
+    assert [at_once[i] for i in range(len(at_once))] == each
+    assert at_once.only(np.array([1]))[0] == each[1]
+    assert at_once.mean.tolist() == [b.mean for b in each]
+    assert at_once.sd.tolist() == [b.sd for b in each]
+    x = np.sort(np.array([b.quantile(np.random.default_rng(7).random(9)) for b in each]))
+    alone = [float(cramer_von_mises(row, b)) for row, b in zip(x, each, strict=True)]
+    assert cramer_von_mises(x, at_once).tolist() == alone
 
 
 def test_more_confidence_is_a_wider_interval_and_another_seed_another() -> None:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from softclose.arrays import FloatArray
 from softclose.metrics.intervals import Interval
 from softclose.population.distributions import Bounded
-from softclose.population.plausible import SHAPE_SUM, FitKind, Plausible, plausible
+from softclose.population.plausible import SHAPE_SUM, FitKind, Plausible, cramer_von_mises, plausible
 
 _REACH = 2.0  # an estimated bound lies at most this many data ranges outside the data
 
@@ -68,11 +69,11 @@ def fit(
     (below, the likelihood has no maximum). A uniform with given bounds has nothing left to fit.
     """
     best = estimate(values, kind, bounds)
-    statistic = cramer_von_mises(np.sort(values), best)
+    statistic = float(cramer_von_mises(np.sort(values), best))
     found = may_be(best, values.size, kind, bounds, n_lots=n_bootstrap, seed=seed, stream=stream)
-    further = sum(cramer_von_mises(x, refit) >= statistic for x, refit in found.samples)
+    further = int((found.distances >= statistic).sum())
     tail = 50.0 * (1.0 - confidence)
-    numbers = np.array([list(_numbers(lot).values()) for lot in found.lots])
+    numbers = np.stack(list(_numbers(found.lots).values()), axis=1)
     low, high = np.percentile(numbers, [tail, 100.0 - tail], axis=0)
     return Fit(
         distribution=best,
@@ -99,16 +100,8 @@ def may_be(
     return plausible(fitted, n, kind, estimate, bounds=bounds, n_lots=n_lots, seed=seed, stream=stream)
 
 
-def cramer_von_mises(ordered: FloatArray, b: Bounded) -> float:
-    """Cramér-von Mises statistic of ascending values against a distribution."""
-    from scipy.special import betainc
-
-    n = ordered.size
-    cdf = betainc(b.alpha, b.beta, np.clip((ordered - b.lower) / (b.upper - b.lower), 0.0, 1.0))
-    return float(1.0 / (12.0 * n) + ((cdf - (np.arange(n) + 0.5) / n) ** 2).sum())
-
-
-def _numbers(b: Bounded) -> dict[str, float]:
+def _numbers(b: Any) -> dict[str, Any]:
+    """What is told of a distribution, or of many."""
     half = (b.upper - b.lower) / (b.upper + b.lower)
     numbers = {"lower": b.lower, "upper": b.upper, "alpha": b.alpha, "beta": b.beta, "mean": b.mean, "sd": b.sd}
     return numbers | {"half_width": half}

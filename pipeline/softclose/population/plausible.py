@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softclose.arrays import FloatArray
 from softclose.population.distributions import Bounded
@@ -35,13 +36,65 @@ _AT_THE_ENDS = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Lots:
+    """Many distributions at once, (m,) each: objects of their own would take longer than everything else."""
+
+    lower: FloatArray
+    """See `Bounded`."""
+    upper: FloatArray
+    """See `Bounded`."""
+    alpha: FloatArray
+    """See `Bounded`."""
+    beta: FloatArray
+    """See `Bounded`."""
+
+    @classmethod
+    def of(cls, each: Sequence[Bounded]) -> Lots:
+        """Those that are objects."""
+        lower, upper, alpha, beta = np.array([(b.lower, b.upper, b.alpha, b.beta) for b in each]).T
+        return cls(lower=lower, upper=upper, alpha=alpha, beta=beta)
+
+    def __len__(self) -> int:
+        return self.lower.size
+
+    def __getitem__(self, i: int) -> Bounded:
+        low, high, alpha, beta = (float(x[i]) for x in (self.lower, self.upper, self.alpha, self.beta))
+        return Bounded(lower=low, upper=high, alpha=alpha, beta=beta)
+
+    def only(self, kept: NDArray[np.intp]) -> Lots:
+        """Some of them."""
+        return Lots(lower=self.lower[kept], upper=self.upper[kept], alpha=self.alpha[kept], beta=self.beta[kept])
+
+    @property
+    def mean(self) -> FloatArray:
+        """Expectations."""
+        return self.lower + (self.upper - self.lower) * self.alpha / (self.alpha + self.beta)
+
+    @property
+    def sd(self) -> FloatArray:
+        """Standard deviations."""
+        s = self.alpha + self.beta
+        return np.asarray((self.upper - self.lower) * np.sqrt(self.alpha * self.beta / (s + 1.0)) / s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plausible:
     """Lots that a fit may stand for."""
 
-    lots: tuple[Bounded, ...]
+    lots: Lots
     """Equally likely ones."""
-    samples: tuple[tuple[FloatArray, Bounded], ...]
-    """For each the draws (n,), ascending, and what they were fitted by: what a good fit looks like."""
+    distances: FloatArray
+    """For each the Cramér-von Mises distance of its draws from what they were fitted by: what a good fit looks like."""
+
+
+def cramer_von_mises(ordered: FloatArray, b: Bounded | Lots) -> FloatArray:
+    """Cramér-von Mises statistic of ascending values against a distribution, (n,), or of m against theirs, (m, n)."""
+    from scipy.special import betainc
+
+    n = ordered.shape[-1]
+    lower, upper, alpha, beta = (np.asarray(x)[..., None] for x in (b.lower, b.upper, b.alpha, b.beta))
+    cdf = betainc(alpha, beta, np.clip((ordered - lower) / (upper - lower), 0.0, 1.0))
+    return np.asarray(1.0 / (12.0 * n) + ((cdf - (np.arange(n) + 0.5) / n) ** 2).sum(axis=-1))
 
 
 def plausible(
@@ -61,19 +114,16 @@ def plausible(
     """
     if bounds is not None:
         return _within(fitted, n, kind, estimate, bounds, n_lots, _generator(seed, stream))
-    units, draws, fits = _tried(n, kind, estimate, n_lots, seed, stream)
-    away = np.abs([f.alpha - fitted.alpha for f in fits])
-    kept = np.sort(np.argsort(away, kind="stable")[:n_lots]).tolist()
-    return Plausible(
-        lots=tuple(_moved(units[i], fits[i], fitted) for i in kept), samples=tuple((draws[i], fits[i]) for i in kept)
-    )
+    units, fits, distances = _tried(n, kind, estimate, n_lots, seed, stream)
+    kept = np.sort(np.argsort(np.abs(fits.alpha - fitted.alpha), kind="stable")[:n_lots])
+    return Plausible(lots=_moved(units.only(kept), fits.only(kept), fitted), distances=distances[kept])
 
 
 @functools.lru_cache(maxsize=16)
 def _tried(
     n: int, kind: FitKind, estimate: Estimator, n_lots: int, seed: int, stream: int
-) -> tuple[list[Bounded], list[FloatArray], list[Bounded]]:
-    """Lots on [0, 1], draws of n from each and what fits these: the same for any data."""
+) -> tuple[Lots, Lots, FloatArray]:
+    """Lots on [0, 1], what fits n draws from each, and how well: the same for any data."""
     rng = _generator(seed, stream)
     if kind == "uniform":
         units = [Bounded(lower=0.0, upper=1.0)] * n_lots
@@ -83,19 +133,20 @@ def _tried(
         shapes = middle + half * reach * (2.0 * rng.random(_TRIED * n_lots) - 1.0)
         shapes = np.clip(shapes, middle - half, middle + half)
         units = [Bounded(lower=0.0, upper=1.0, alpha=a, beta=SHAPE_SUM - a) for a in shapes.tolist()]
-    draws = [np.sort(unit.quantile(rng.random(n))) for unit in units]
-    return units, draws, [estimate(x, kind, None) for x in draws]
+    draws = np.array([np.sort(unit.quantile(rng.random(n))) for unit in units])
+    fits = Lots.of([estimate(x, kind, None) for x in draws])
+    return Lots.of(units), fits, cramer_von_mises(draws, fits)
 
 
 def _generator(seed: int, stream: int) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(stream,))))
 
 
-def _moved(lot: Bounded, fit: Bounded, onto: Bounded) -> Bounded:
-    """The lot under the map that takes mean and spread of its fit to those of another."""
-    scale = onto.sd / fit.sd
-    offset = onto.mean - scale * fit.mean
-    return replace(lot, lower=offset + scale * lot.lower, upper=offset + scale * lot.upper)
+def _moved(lots: Lots, fits: Lots, onto: Bounded) -> Lots:
+    """Each lot under the map that takes mean and spread of its fit to those of another."""
+    scale = onto.sd / fits.sd
+    offset = onto.mean - scale * fits.mean
+    return replace(lots, lower=offset + scale * lots.lower, upper=offset + scale * lots.upper)
 
 
 def _within(
@@ -107,10 +158,10 @@ def _within(
     n_lots: int,
     rng: np.random.Generator,
 ) -> Plausible:
-    draws = [np.sort(fitted.quantile(rng.random(n))) for _ in range(n_lots)]
+    draws = np.array([np.sort(fitted.quantile(rng.random(n))) for _ in range(n_lots)])
     fits = [estimate(x, kind, bounds) for x in draws]
     lots = [fitted] * n_lots if kind == "uniform" else [_mirrored(f, fitted) for f in fits]
-    return Plausible(lots=tuple(lots), samples=tuple(zip(draws, fits, strict=True)))
+    return Plausible(lots=Lots.of(lots), distances=cramer_von_mises(draws, Lots.of(fits)))
 
 
 def _mirrored(fit: Bounded, at: Bounded) -> Bounded:
