@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from types import SimpleNamespace
 from typing import Any
@@ -22,12 +22,14 @@ from scipy.stats import norm
 from softclose import Waveform
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, evaluate
+from softclose.evaluate.pieces import Mapper, here
+from softclose.metrics.objective import CM_S
 from softclose.population import load_population
 from softclose.population.calibrate import calibrate
 from softclose.population.distributions import Bounded
 from softclose.population.fit import fit
 from softclose.population.measurements import Measurements
-from softclose.population.population import switches_from_parameters
+from softclose.population.population import Population, switches_from_parameters
 from softclose.settings import load_config
 from softclose.switch.plate import pull_in_voltage
 from softclose.uncertainty import devices, sensitivity, tails
@@ -69,12 +71,12 @@ def known_tails() -> ExitStack:
     return stack
 
 
-def print_tails(repetitions: int, error: float = 0.2) -> None:
+def print_tails(repetitions: int, error: float = 0.2, probabilities: Iterable[float] = (0.6, 0.08, 0.02, 1e-4)) -> None:
     """Brute force, importance and subset sampling of a probability known by a closed form."""
     _heading(f"Tails (relative error {error:g})", ("p", "repetitions", "brute, 2,000 switches", "importance", "subset"))
     config = load_config({})
     with known_tails():
-        for p in (0.6, 0.08, 0.02, 1e-4):
+        for p in probabilities:
             limit = 10.0 + 2.0 * float(norm.isf(p))
 
             def held(p: float = p, limit: float = limit) -> Iterator[NDArray[np.bool_]]:
@@ -93,6 +95,12 @@ def print_tails(repetitions: int, error: float = 0.2) -> None:
 
 Surface = Callable[[FloatArray], FloatArray]
 
+
+def _step(x: FloatArray) -> NDArray[np.bool_]:
+    """A switch that closes where the first of its variables is beyond 0.9 of its range: both shares of it are 1."""
+    return np.asarray(x[:, 0] > 0.4)
+
+
 SURFACES: dict[str, tuple[Surface, FloatArray, FloatArray]] = {
     # On uniforms centred at 0; first and total shares of the first four variables.
     "additive, 1 : 2 : 3 : 4": (
@@ -106,65 +114,108 @@ SURFACES: dict[str, tuple[Surface, FloatArray, FloatArray]] = {
         np.array([0.5, 0.0, 0.0, 0.0]),
         np.array([1.0, 0.5, 0.0, 0.0]),
     ),
-    "a step at 0.9": (lambda x: (x[:, 0] > 0.4).astype(float), np.array([1.0, 0, 0, 0]), np.array([1.0, 0, 0, 0])),
 }
+"""What V is made of. Whether a switch closes is a step in the first variable, for which both are (1, 0, 0, 0)."""
 
 
 def print_sensitivity(repetitions: int, n: int = 256) -> None:
-    """First-order and total Sobol' indices of surfaces that have them in closed form: the least over variables."""
+    """First-order and total Sobol' indices of surfaces that have them in closed form: the least over variables.
+
+    Each analysis has two outputs, V and closing: beside the first surface stands the step.
+    """
     _heading(f"Sobol' indices ({n} points, 8 scramblings)", ("surface", "repetitions", "first", "total"))
     population = load_population("current")
-    for name, (surface, first, total) in SURFACES.items():
+    stepped = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    for k, (name, (surface, first, total)) in enumerate(SURFACES.items()):
 
         def respond(config: Any, lot: FloatArray, waveform: Any, surface: Surface = surface) -> Any:
             v = surface(lot)
             return SimpleNamespace(
-                max_contact_speed=v / sensitivity.CM_S, closed=np.arange(v.size) % 2 == 0,
+                max_contact_speed=v / CM_S, closed=_step(lot),
                 status=np.zeros(v.size, dtype=np.int8), settling_us=np.zeros(v.size),
             )  # fmt: skip
 
         def realised(config: Any, u: dict[str, FloatArray]) -> FloatArray:
             return np.column_stack(list(u.values()))[:, :4] - 0.5
 
-        truth = np.stack([first, total])
+        truth = np.stack([np.stack([first, total]), stepped])
 
         def held(truth: FloatArray = truth) -> Iterator[NDArray[np.bool_]]:
             seed = 0
             while True:
-                rows = sensitivity.sensitivity(population, DRIVE, n=n, seed=seed).indices[:4]
-                ends = np.array([[r.first_interval for r in rows], [r.total_interval for r in rows]])
+                indices = sensitivity.sensitivity(population, DRIVE, n=n, seed=seed).indices
+                rows = [[i for i in indices if i.output == output][:4] for output in sensitivity.OUTPUTS]
+                ends = np.array([[[i.first_interval for i in of], [i.total_interval for i in of]] for of in rows])
                 slack = 1e-9
                 yield (ends[..., 0] <= truth + slack) & (truth <= ends[..., 1] + slack)
                 seed += 1
 
         with patch.object(sensitivity, "respond", respond), patch.object(sensitivity, "realise", realised):
-            shares = _shares(held(), repetitions).min(axis=1)
-        print(f"| {name} | {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
+            shares = _shares(held(), repetitions).min(axis=2)
+        for title, row in zip((name, "a step at 0.9") if k == 0 else (name,), shares, strict=False):
+            print(f"| {title} | {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in row) + " |", flush=True)
 
 
-def print_fitted(repetitions: int, lots: int = 500) -> None:
+def print_fitted(repetitions: int, lots: int = 500, sizes: Iterable[int] = (12, 60)) -> None:
     """Numbers of a Beta with alpha + beta = 4 fitted to a handful of devices, bounds unknown.
 
-    The lots that are tried are the same for any data: a hundred repetitions after one another share them.
+    The lots that are tried are the same for any data: a hundred repetitions after one another share them, of every
+    alpha.
     """
     names = ("lower", "upper", "mean", "sd")
     _heading(f"Fitted lots ({lots} lots tried)", ("devices", "alpha", "repetitions", *names))
-    for n in (12, 60):
-        for alpha in (1.07, 1.3, 2.0, 2.7):
-            true = Bounded(lower=1.0, upper=3.0, alpha=alpha, beta=4.0 - alpha)
-            truth = [true.lower, true.upper, true.mean, true.sd]
+    for n in sizes:
+        true = [Bounded(lower=1.0, upper=3.0, alpha=alpha, beta=4.0 - alpha) for alpha in (1.07, 1.3, 2.0, 2.7)]
+        truth = np.array([[b.lower, b.upper, b.mean, b.sd] for b in true])
 
-            def held(n: int = n, true: Bounded = true, truth: list[float] = truth) -> Iterator[NDArray[np.bool_]]:
-                rng = np.random.default_rng((n, round(100 * true.alpha)))
-                for i in itertools.count():
-                    values = true.lower + (true.upper - true.lower) * rng.beta(true.alpha, true.beta, n)
+        def held(n: int = n, true: list[Bounded] = true, truth: FloatArray = truth) -> Iterator[NDArray[np.bool_]]:
+            rngs = [np.random.default_rng((n, round(100 * b.alpha))) for b in true]
+            for i in itertools.count():
+                ends = []
+                for b, rng in zip(true, rngs, strict=True):
+                    values = b.lower + (b.upper - b.lower) * rng.beta(b.alpha, b.beta, n)
                     numbers = fit(values, "beta", n_bootstrap=lots, seed=i // 100).numbers
-                    yield np.array([
-                        numbers[k].interval[0] <= t <= numbers[k].interval[1] for k, t in zip(names, truth, strict=True)
-                    ])  # fmt: skip
+                    ends.append([numbers[k].interval for k in names])
+                low, high = np.moveaxis(np.array(ends), 2, 0)
+                yield (low <= truth) & (truth <= high)
 
-            shares = _shares(held(), repetitions)
-            print(f"| {n} | {alpha:g} | {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
+        for b, shares in zip(true, _shares(held(), repetitions), strict=True):
+            cells = " | ".join(f"{s:.3f}" for s in shares)
+            print(f"| {n} | {b.alpha:g} | {repetitions:,} | {cells} |", flush=True)
+
+
+def judged_until_clear(truth: Mapping[str, float], n_lots: int) -> Mapper:
+    """A mapper for `propagate` that stops once it is certain that its intervals hold the truth.
+
+    An interval's ends are the percentiles of what the lots have, each between two neighbours of their order: where as
+    many lots as lie beyond them are on either side of the truth, the truth is inside, whatever the other lots have.
+    These get the figures of one that was judged. Where it does not become clear, every lot is judged. The order is that
+    of what goes with p_nc and v_u, from both ends: where the lot pulls in, and how thin its thinnest switch is.
+    """
+    needed = math.floor(0.025 * (n_lots - 1)) + 2
+
+    def mapper(function: Callable[[Any], Any], pieces: Iterable[Any]) -> Iterator[Any]:
+        _, *lots = pieces  # the first is the lot as fitted, of which no interval asks
+        found: dict[int, Any] = {}
+        scores = [_pulls_in(lot.population) for lot in lots], [lot.population.T.lower for lot in lots]
+        orders = [np.argsort(score, kind="stable") for score in scores]
+        for i in dict.fromkeys(np.stack([end for o in orders for end in (o, o[::-1])], axis=1).ravel().tolist()):
+            found[i] = function(lots[i])
+            values = {name: np.array([getattr(a, name) for a in found.values()]) for name in truth}
+            if all(min((v <= truth[k]).sum(), (v >= truth[k]).sum()) >= needed for k, v in values.items()):
+                break
+        some = next(iter(found.values()))
+        return iter([some, *(found.get(i, some) for i in range(len(lots)))])
+
+    return mapper
+
+
+def _pulls_in(lot: Population) -> float:
+    """About where the most reluctant switches of a lot pull in [V]: the mean switch, and a standard deviation more."""
+    means = np.array([[m.mean for m in lot.marginals()]])
+    further = means + np.diag([getattr(m, "sd", 0.0) for m in lot.marginals()])
+    voltages = pull_in_voltage(switches_from_parameters(np.concatenate([means, further])))
+    return float(voltages[0] + np.linalg.norm(voltages[1:] - voltages[0]))
 
 
 def print_devices(repetitions: int, n_devices: int = 12, lots: int = 80, switches: int = 800) -> None:
@@ -172,22 +223,26 @@ def print_devices(repetitions: int, n_devices: int = 12, lots: int = 80, switche
 
     A hundred repetitions after one another share the lots that are tried, and their switches.
     """
+    _heading(f"What {n_devices} devices leave open ({lots} lots of {switches})", ("repetitions", "v_u", "p_nc"))
+    shares = _shares(devices_hold(n_devices, lots, switches), repetitions)
+    print(f"| {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
+
+
+def devices_hold(n_devices: int, lots: int, switches: int, *, all_lots: bool = False) -> Iterator[NDArray[np.bool_]]:
+    """Whether the intervals of v_u and p_nc hold, of one set of devices after another."""
     config, true = load_config("current"), load_population("current")
     right = evaluate(config, draw(config, 200_000, seed=10_000, sampling="sobol"), SOFT)
     truth = {"v_u_cm_s": right.v_u_cm_s, "p_nc": right.p_nc}
-    _heading(f"What {n_devices} devices leave open ({lots} lots of {switches})", ("repetitions", "v_u", "p_nc"))
-
-    def held() -> Iterator[NDArray[np.bool_]]:
-        for i in itertools.count():
-            p = true.sample_parameters(n_devices, seed=i + 1)
-            measured = Measurements(
-                device=tuple(map(str, range(n_devices))), G_um=p[:, 1], D_um=p[:, 0], T_um=p[:, 3],
-                pull_in_V=pull_in_voltage(switches_from_parameters(p)),
-            )  # fmt: skip
-            fitted = calibrate(measured, n_bootstrap=20).population
-            found = devices.propagate(config, SOFT, fitted, n_devices, n_lots=lots, n_switches=switches, seed=i // 100)
-            ends = [found.interval(name) for name in truth]
-            yield np.array([low <= t <= high for (low, high), t in zip(ends, truth.values(), strict=True)])
-
-    shares = _shares(held(), repetitions)
-    print(f"| {repetitions:,} | " + " | ".join(f"{s:.3f}" for s in shares) + " |", flush=True)
+    mapper = here if all_lots else judged_until_clear(truth, lots)
+    for i in itertools.count():
+        p = true.sample_parameters(n_devices, seed=i + 1)
+        measured = Measurements(
+            device=tuple(map(str, range(n_devices))), G_um=p[:, 1], D_um=p[:, 0], T_um=p[:, 3],
+            pull_in_V=pull_in_voltage(switches_from_parameters(p)),
+        )  # fmt: skip
+        fitted = calibrate(measured, n_bootstrap=20).population
+        found = devices.propagate(
+            config, SOFT, fitted, n_devices, n_lots=lots, n_switches=switches, seed=i // 100, mapper=mapper
+        )
+        ends = [found.interval(name) for name in truth]
+        yield np.array([low <= t <= high for (low, high), t in zip(ends, truth.values(), strict=True)])

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import functools
 import math
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,7 @@ from softclose.metrics.intervals import Interval, unseen_share
 from softclose.metrics.objective import Assessment, Judged, assess
 from softclose.metrics.paired import compare
 from softclose.metrics.race import race, sizes
+from softclose.metrics.replicates import REPLICATES
 from softclose.population import Sampling
 from softclose.settings import load_config
 
@@ -320,50 +322,113 @@ WAVEFORMS: dict[str, list[tuple[float, float, float | None, float]]] = {
 REPLICATED = ("p_nc", "v_u", "mean V", "g", "CVaR")
 
 
-def replicated(name: str, n: int, repetitions: int, n_truth: int = 2**19) -> dict[str, tuple[float, float, float]]:
-    """(coverage, half-width over Monte Carlo's, true spread of one Sobol sample over Monte Carlo's) of each figure of
-    a waveform, from ensembles of n switches in 16 independent scramblings."""
-    config, waveform = load_config("current"), Waveform.from_rows(WAVEFORMS[name])
+GROUPS = 20
+"""Groups of repetitions that share no scrambling: what their coverages differ by is the standard error."""
+MOST_DRAWN = 5_120_000
+"""Switches of a size. Where they are fewer than all repetitions need, repetitions share scramblings."""
 
-    def response(seed: int, size: int, sampling: Sampling) -> Judged:
-        v, closed = [], []
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held:
+    """What is told of one figure's interval."""
+
+    coverage: float
+    """Share of the repetitions in which it holds the truth."""
+    error: float
+    """Standard error of that."""
+    width: float
+    """Median width over that of as many independent draws."""
+    spread: float
+    """True spread of one Sobol sample over that of independent draws."""
+
+
+def chosen(scramblings: int, repetitions: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """(repetitions, 16) which scramblings each repetition has: any sixteen, as those of an ensemble are independent.
+
+    Each is used once where there are enough of them.
+    """
+    if scramblings >= repetitions * REPLICATES:
+        return np.arange(repetitions * REPLICATES).reshape(repetitions, REPLICATES)
+    return np.array([rng.choice(scramblings, REPLICATES, replace=False) for _ in range(repetitions)])
+
+
+def replicated(
+    n: int, repetitions: int, names: Sequence[str] = tuple(WAVEFORMS), *, most: int = MOST_DRAWN, n_truth: int = 2**20
+) -> tuple[int, dict[str, dict[str, Held]]]:
+    """How many independent scramblings were drawn, and what is told of each figure of each waveform.
+
+    Ensembles of n switches in 16 independent scramblings, in 20 groups of repetitions. A repetition takes 16 of those
+    of its group. All waveforms drive the same switches.
+    """
+    config, waveforms = load_config("current"), [Waveform.from_rows(WAVEFORMS[name]) for name in names]
+
+    def responses(seed: int, size: int, sampling: Sampling) -> list[tuple[FloatArray, NDArray[np.bool_]]]:
+        """(V, closed) under each waveform."""
+        parts = []
         for start in range(0, size, 2**16):
             lot = draw(config, min(2**16, size - start), seed=seed, sampling=sampling, start=start)
-            r = respond(config, lot, waveform)
-            v.append(100.0 * r.max_contact_speed)
-            closed.append(r.closed)
-        return judged(np.concatenate(v), np.concatenate(closed))
+            parts.append([respond(config, lot, waveform) for waveform in waveforms])
+        return [
+            (np.concatenate([r.max_contact_speed for r in of]), np.concatenate([r.closed for r in of]))
+            for of in zip(*parts, strict=True)
+        ]
 
-    def of(r: Judged, sampling: str) -> tuple[FloatArray, FloatArray]:
-        a = assess(r, sampling=sampling, min_contact=0.0)
+    def figures(v: FloatArray, closed: NDArray[np.bool_], sampling: str) -> tuple[FloatArray, FloatArray]:
+        a = assess(judged(100.0 * v, closed), sampling=sampling, min_contact=0.0, limits_cm_s=())
         ends = (a.p_nc_intervals.wilson, a.v_u_interval, a.mean_interval, a.g_interval, a.cvar_interval)
         return np.array([a.p_nc, a.v_u_cm_s, a.mean_cm_s, a.g_cm_s, a.cvar_cm_s]), np.array(ends)
 
-    truth = of(response(10_000, n_truth, "sobol"), "sobol")[0]
-    inside, widths, sobol = [], [], []
-    for seed in range(repetitions):
-        r = response(seed, n, "replicated")
-        ends, plain = of(r, "replicated")[1], of(r, "monte-carlo")[1]
-        inside.append((ends[:, 0] <= truth) & (truth <= ends[:, 1]))
-        widths.append((ends[:, 1] - ends[:, 0]) / (plain[:, 1] - plain[:, 0]))
-        if seed < 40:
-            one = of(response(seed, n, "sobol"), "sobol")[0]
-            sobol.append((one - truth) / (0.5 * (plain[:, 1] - plain[:, 0]) / 1.96))
-    spread = np.sqrt((np.array(sobol) ** 2).mean(axis=0))
-    held, narrower = np.mean(inside, axis=0), np.median(widths, axis=0)
-    return {figure: (float(held[k]), float(narrower[k]), float(spread[k])) for k, figure in enumerate(REPLICATED)}
+    truths = [figures(*r, "sobol")[0] for r in responses(10_000, n_truth, "sobol")]
+    of_group = -(-repetitions // GROUPS)
+    ensembles = min(of_group, max(most // (n * GROUPS), 2))
+    inside = np.empty((len(names), GROUPS, of_group, len(REPLICATED)), dtype=np.bool_)
+    widths: list[list[FloatArray]] = [[] for _ in names]
+    errors: list[list[FloatArray]] = [[] for _ in names]
+    for group in range(GROUPS):
+        drawn = [responses(group * ensembles + k, n, "replicated") for k in range(ensembles)]
+        which = chosen(ensembles * REPLICATES, of_group, np.random.default_rng((n, group)))
+        singles = [responses(2 * group + k, n, "sobol") for k in range(2)]
+        for i, truth in enumerate(truths):
+            # Switch j of an ensemble is of scrambling j mod 16: (scrambling, switch).
+            v, closed = (np.concatenate([r[i][k].reshape(-1, REPLICATES).T for r in drawn]) for k in (0, 1))
+            for k, rows in enumerate(which):
+                pair = v[rows].T.ravel(), closed[rows].T.ravel()
+                ends = figures(*pair, "replicated")[1]
+                inside[i, group, k] = (ends[:, 0] <= truth) & (truth <= ends[:, 1])
+                if k < 20:
+                    plain = figures(*pair, "monte-carlo")[1]
+                    widths[i].append((ends[:, 1] - ends[:, 0]) / (plain[:, 1] - plain[:, 0]))
+                if k < 2:
+                    one = figures(*singles[k][i], "sobol")[0]
+                    errors[i].append((one - truth) / (0.5 * (plain[:, 1] - plain[:, 0]) / 1.96))
+        print(f"{n} switches: group {group + 1} of {GROUPS}", file=sys.stderr, flush=True)
+    found = {}
+    for i, name in enumerate(names):
+        by_group = inside[i].mean(axis=1)
+        columns = (
+            by_group.mean(axis=0),
+            by_group.std(axis=0, ddof=1) / math.sqrt(GROUPS),
+            np.median(widths[i], axis=0),
+            np.sqrt((np.array(errors[i]) ** 2).mean(axis=0)),
+        )
+        found[name] = {
+            figure: Held(coverage=float(c), error=float(e), width=float(w), spread=float(s))
+            for figure, c, e, w, s in zip(REPLICATED, *columns, strict=True)
+        }
+    return GROUPS * ensembles * REPLICATES, found
 
 
-def _print_replicated(repetitions: int) -> None:
-    """As many repetitions as 20 million switches a cell allow, and no more than asked for."""
+def _print_replicated(repetitions: int, sizes: Sequence[int] = (512, 4096, 32768)) -> None:
     print("\n## Sixteen scramblings: coverage, width and (one Sobol sample's) spread over Monte Carlo's\n")
-    print("| waveform | N | repetitions | " + " | ".join(REPLICATED) + " |")
-    print("| --- | ---: | ---: |" + " ---: |" * len(REPLICATED))
-    for name in WAVEFORMS:
-        for n in (512, 4096, 32768):
-            r = min(repetitions, max(20_000_000 // n, 40))
-            cells = [f"{h:.3f}, {w:.2f}, {s:.2f}" for h, w, s in replicated(name, n, r).values()]
-            print(f"| {name} | {n:,} | {r} | " + " | ".join(cells) + " |", flush=True)
+    print("| waveform | N | repetitions | of scramblings | " + " | ".join(REPLICATED) + " | standard error, at most |")
+    print("| --- | ---: | ---: | ---: |" + " ---: |" * (len(REPLICATED) + 1))
+    for n in sizes:
+        scramblings, found = replicated(n, repetitions)
+        for name, of in found.items():
+            done = GROUPS * -(-repetitions // GROUPS)
+            cells = [f"{held.coverage:.3f}, {held.width:.2f}, {held.spread:.2f}" for held in of.values()]
+            cells.append(f"{max(held.error for held in of.values()):.4f}")
+            print(f"| {name} | {n:,} | {done:,} | {scramblings:,} | " + " | ".join(cells) + " |", flush=True)
 
 
 def _table(title: str, found: Iterator[tuple[str, float, Mapping[int, Mapping[str, tuple[float, float]]]]]) -> None:

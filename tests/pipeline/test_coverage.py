@@ -5,7 +5,9 @@ A small version of benchmarks/interval_coverage.py, whose tables are in docs/mea
 
 from __future__ import annotations
 
+import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from softclose.metrics.objective import assess
 from softclose.metrics.paired import compare, proportion_difference
 
 coverage = benchmark("interval_coverage")
+analyses = benchmark("coverage_of_analyses")
 N_REPETITIONS = 200
 LEAST = 0.95 - 3.5 * math.sqrt(0.95 * 0.05 / N_REPETITIONS)
 """What 95 % of 200 may come out as by chance, once in some thousand cells: 0.896."""
@@ -93,3 +96,58 @@ def test_too_few_switches_bound_no_difference_of_v_u() -> None:
 
 def test_races_hold_where_p_nc_rarely_differs() -> None:
     assert coverage.races(1e-3, 100) >= 0.94
+
+
+def test_scramblings_are_shared_only_where_they_are_too_few() -> None:
+    rng = np.random.default_rng(0)
+    assert sorted(coverage.chosen(64, 4, rng).ravel()) == list(range(64))
+    shared = coverage.chosen(40, 30, rng)
+    assert shared.shape == (30, 16)
+    assert all(len(set(row)) == 16 for row in shared)
+    assert set(shared.ravel()) == set(range(40))
+
+
+def test_an_ensemble_put_together_of_scramblings_is_the_product_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each scrambling used once, in its order: the very ensembles that a campaign draws, and their figures."""
+    from softclose.evaluate import draw, respond
+    from softclose.settings import load_config
+    from softclose.waveform import Waveform
+
+    seen = []
+
+    def kept(response: object, **settings: object) -> object:
+        if settings["sampling"] == "replicated":
+            seen.append(response)
+        return assess(response, **settings)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(coverage, "assess", kept)
+    monkeypatch.setattr(coverage, "GROUPS", 2)
+    scramblings, found = coverage.replicated(256, 4, ["soft"], n_truth=1024)
+    assert scramblings == 4 * 16
+    assert set(found["soft"]) == set(coverage.REPLICATED)
+    config = load_config("current")
+    soft = Waveform.from_rows(coverage.WAVEFORMS["soft"])
+    for seed, ours in enumerate(seen):
+        theirs = respond(config, draw(config, 256, seed=seed, sampling="replicated"), soft)
+        np.testing.assert_allclose(ours.max_contact_speed, theirs.max_contact_speed, rtol=1e-14)
+        np.testing.assert_array_equal(ours.closed, theirs.closed)
+    assert len(seen) == 4
+
+
+def test_lots_left_out_once_it_is_clear_change_no_verdict() -> None:
+    of = [list(itertools.islice(analyses.devices_hold(12, 20, 200, all_lots=every), 8)) for every in (False, True)]
+    np.testing.assert_array_equal(*of)
+    values = np.array([1.0, 2.0, 3.0, 7.0])
+    asked = []
+
+    def judged(lot: object) -> SimpleNamespace:
+        asked.append(lot)
+        return SimpleNamespace(v=values[(len(asked) - 1) % 4])
+
+    one = SimpleNamespace(population=analyses.load_population("current"))
+    *_, last = analyses.judged_until_clear({"v": 2.5}, 20)(judged, [None, *[one] * 20])
+    assert len(asked) == 4, "two lots on either side leave nothing open, of twenty"
+    assert last.v in values
+    asked.clear()
+    assert len(list(analyses.judged_until_clear({"v": 8.0}, 20)(judged, [None, *[one] * 20]))) == 21
+    assert len(asked) == 20
