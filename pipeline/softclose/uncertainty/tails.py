@@ -302,10 +302,12 @@ def _failure_points(space: _Space, seed: int) -> FloatArray | None:
         return None
     order = np.argsort((failing**2).sum(axis=1))
     chosen: list[FloatArray] = []
+    directions: list[FloatArray] = []
     for point in failing[order]:
         direction = point / np.linalg.norm(point)
-        if all(float(direction @ (other / np.linalg.norm(other))) < 0.8 for other in chosen):
+        if all(float(direction @ other) < 0.8 for other in directions):
             chosen.append(point)
+            directions.append(direction)
         if len(chosen) == _STARTS:
             break
     return np.array(sorted((_nearest(space, point, rng) for point in chosen), key=lambda x: float(x @ x)))
