@@ -33,7 +33,7 @@ from softclose.metrics.paired import compare
 from softclose.metrics.race import race, sizes
 from softclose.metrics.replicates import REPLICATES
 from softclose.population import Sampling
-from softclose.settings import load_config
+from softclose.settings import CampaignConfig, load_config
 
 FloatArray = NDArray[np.float64]
 Quantile = Callable[[FloatArray], FloatArray]
@@ -352,6 +352,39 @@ def chosen(scramblings: int, repetitions: int, rng: np.random.Generator) -> NDAr
     return np.array([rng.choice(scramblings, REPLICATES, replace=False) for _ in range(repetitions)])
 
 
+@functools.cache
+def _current() -> CampaignConfig:
+    return load_config("current")
+
+
+def _responses(
+    names: Sequence[str], seed: int, size: int, sampling: Sampling
+) -> list[tuple[FloatArray, NDArray[np.bool_]]]:
+    """(V [µm/µs], closed) of an ensemble of the lot `current` under each waveform."""
+    config, waveforms = _current(), [Waveform.from_rows(WAVEFORMS[name]) for name in names]
+    parts = []
+    for start in range(0, size, 2**16):
+        lot = draw(config, min(2**16, size - start), seed=seed, sampling=sampling, start=start)
+        parts.append([respond(config, lot, waveform) for waveform in waveforms])
+    return [
+        (np.concatenate([r.max_contact_speed for r in of]), np.concatenate([r.closed for r in of]))
+        for of in zip(*parts, strict=True)
+    ]
+
+
+@functools.cache
+def _truths(names: tuple[str, ...], n: int) -> list[FloatArray]:
+    """The figures of each waveform, from points of another scrambling."""
+    return [_figures(*r, "sobol")[0] for r in _responses(names, 10_000, n, "sobol")]
+
+
+def _figures(v: FloatArray, closed: NDArray[np.bool_], sampling: str) -> tuple[FloatArray, FloatArray]:
+    """(5,) the figures of an ensemble, and (5, 2) their intervals."""
+    a = assess(judged(100.0 * v, closed), sampling=sampling, min_contact=0.0, limits_cm_s=())
+    ends = (a.p_nc_intervals.wilson, a.v_u_interval, a.mean_interval, a.g_interval, a.cvar_interval)
+    return np.array([a.p_nc, a.v_u_cm_s, a.mean_cm_s, a.g_cm_s, a.cvar_cm_s]), np.array(ends)
+
+
 def replicated(
     n: int, repetitions: int, names: Sequence[str] = tuple(WAVEFORMS), *, most: int = MOST_DRAWN, n_truth: int = 2**20
 ) -> tuple[int, dict[str, dict[str, Held]]]:
@@ -360,46 +393,28 @@ def replicated(
     Ensembles of n switches in 16 independent scramblings, in 20 groups of repetitions. A repetition takes 16 of those
     of its group. All waveforms drive the same switches.
     """
-    config, waveforms = load_config("current"), [Waveform.from_rows(WAVEFORMS[name]) for name in names]
-
-    def responses(seed: int, size: int, sampling: Sampling) -> list[tuple[FloatArray, NDArray[np.bool_]]]:
-        """(V, closed) under each waveform."""
-        parts = []
-        for start in range(0, size, 2**16):
-            lot = draw(config, min(2**16, size - start), seed=seed, sampling=sampling, start=start)
-            parts.append([respond(config, lot, waveform) for waveform in waveforms])
-        return [
-            (np.concatenate([r.max_contact_speed for r in of]), np.concatenate([r.closed for r in of]))
-            for of in zip(*parts, strict=True)
-        ]
-
-    def figures(v: FloatArray, closed: NDArray[np.bool_], sampling: str) -> tuple[FloatArray, FloatArray]:
-        a = assess(judged(100.0 * v, closed), sampling=sampling, min_contact=0.0, limits_cm_s=())
-        ends = (a.p_nc_intervals.wilson, a.v_u_interval, a.mean_interval, a.g_interval, a.cvar_interval)
-        return np.array([a.p_nc, a.v_u_cm_s, a.mean_cm_s, a.g_cm_s, a.cvar_cm_s]), np.array(ends)
-
-    truths = [figures(*r, "sobol")[0] for r in responses(10_000, n_truth, "sobol")]
+    truths = _truths(tuple(names), n_truth)
     of_group = -(-repetitions // GROUPS)
     ensembles = min(of_group, max(most // (n * GROUPS), 2))
     inside = np.empty((len(names), GROUPS, of_group, len(REPLICATED)), dtype=np.bool_)
     widths: list[list[FloatArray]] = [[] for _ in names]
     errors: list[list[FloatArray]] = [[] for _ in names]
     for group in range(GROUPS):
-        drawn = [responses(group * ensembles + k, n, "replicated") for k in range(ensembles)]
+        drawn = [_responses(names, group * ensembles + k, n, "replicated") for k in range(ensembles)]
         which = chosen(ensembles * REPLICATES, of_group, np.random.default_rng((n, group)))
-        singles = [responses(2 * group + k, n, "sobol") for k in range(2)]
+        singles = [_responses(names, 2 * group + k, n, "sobol") for k in range(2)]
         for i, truth in enumerate(truths):
             # Switch j of an ensemble is of scrambling j mod 16: (scrambling, switch).
             v, closed = (np.concatenate([r[i][k].reshape(-1, REPLICATES).T for r in drawn]) for k in (0, 1))
             for k, rows in enumerate(which):
                 pair = v[rows].T.ravel(), closed[rows].T.ravel()
-                ends = figures(*pair, "replicated")[1]
+                ends = _figures(*pair, "replicated")[1]
                 inside[i, group, k] = (ends[:, 0] <= truth) & (truth <= ends[:, 1])
                 if k < 20:
-                    plain = figures(*pair, "monte-carlo")[1]
+                    plain = _figures(*pair, "monte-carlo")[1]
                     widths[i].append((ends[:, 1] - ends[:, 0]) / (plain[:, 1] - plain[:, 0]))
                 if k < 2:
-                    one = figures(*singles[k][i], "sobol")[0]
+                    one = _figures(*singles[k][i], "sobol")[0]
                     errors[i].append((one - truth) / (0.5 * (plain[:, 1] - plain[:, 0]) / 1.96))
         print(f"{n} switches: group {group + 1} of {GROUPS}", file=sys.stderr, flush=True)
     found = {}
