@@ -29,7 +29,7 @@ from softclose.population.calibrate import calibrate
 from softclose.population.distributions import Bounded
 from softclose.population.fit import fit
 from softclose.population.measurements import Measurements
-from softclose.population.population import Population, switches_from_parameters
+from softclose.population.population import switches_from_parameters
 from softclose.settings import load_config
 from softclose.switch.plate import pull_in_voltage
 from softclose.uncertainty import devices, sensitivity, tails
@@ -47,12 +47,12 @@ def _heading(title: str, columns: Iterable[str]) -> None:
 
 
 def _shares(held: Iterator[NDArray[np.bool_]], repetitions: int) -> FloatArray:
-    """Coverage of each of several intervals; one line a thousand repetitions on standard error."""
+    """Coverage of each of several intervals; what it is so far, each five hundred repetitions, on standard error."""
     total: Any = 0
     for k in range(repetitions):
         total = total + next(held).astype(np.int64)
-        if (k + 1) % 1000 == 0:
-            print(f"{k + 1} of {repetitions}", file=sys.stderr, flush=True)
+        if (k + 1) % 500 == 0:
+            print(f"{k + 1} of {repetitions}:", (total / (k + 1)).tolist(), file=sys.stderr, flush=True)
     return np.asarray(total / repetitions)
 
 
@@ -189,33 +189,21 @@ def judged_until_clear(truth: Mapping[str, float], n_lots: int) -> Mapper:
 
     An interval's ends are the percentiles of what the lots have, each between two neighbours of their order: where as
     many lots as lie beyond them are on either side of the truth, the truth is inside, whatever the other lots have.
-    These get the figures of one that was judged. Where it does not become clear, every lot is judged. The order is that
-    of what goes with p_nc and v_u, from both ends: where the lot pulls in, and how thin its thinnest switch is.
+    These get the figures of one that was judged. Where it does not become clear, every lot is judged.
     """
     needed = math.floor(0.025 * (n_lots - 1)) + 2
 
     def mapper(function: Callable[[Any], Any], pieces: Iterable[Any]) -> Iterator[Any]:
         _, *lots = pieces  # the first is the lot as fitted, of which no interval asks
-        found: dict[int, Any] = {}
-        scores = [_pulls_in(lot.population) for lot in lots], [lot.population.T.lower for lot in lots]
-        orders = [np.argsort(score, kind="stable") for score in scores]
-        for i in dict.fromkeys(np.stack([end for o in orders for end in (o, o[::-1])], axis=1).ravel().tolist()):
-            found[i] = function(lots[i])
-            values = {name: np.array([getattr(a, name) for a in found.values()]) for name in truth}
+        found: list[Any] = []
+        for lot in lots:
+            found.append(function(lot))
+            values = {name: np.array([getattr(a, name) for a in found]) for name in truth}
             if all(min((v <= truth[k]).sum(), (v >= truth[k]).sum()) >= needed for k, v in values.items()):
                 break
-        some = next(iter(found.values()))
-        return iter([some, *(found.get(i, some) for i in range(len(lots)))])
+        return iter([found[0], *found, *[found[0]] * (len(lots) - len(found))])
 
     return mapper
-
-
-def _pulls_in(lot: Population) -> float:
-    """About where the most reluctant switches of a lot pull in [V]: the mean switch, and a standard deviation more."""
-    means = np.array([[m.mean for m in lot.marginals()]])
-    further = means + np.diag([getattr(m, "sd", 0.0) for m in lot.marginals()])
-    voltages = pull_in_voltage(switches_from_parameters(np.concatenate([means, further])))
-    return float(voltages[0] + np.linalg.norm(voltages[1:] - voltages[0]))
 
 
 def print_devices(repetitions: int, n_devices: int = 12, lots: int = 80, switches: int = 800) -> None:
