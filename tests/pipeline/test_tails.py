@@ -128,6 +128,49 @@ def test_a_limit_that_nothing_reaches_costs_no_other_method_its_row(known):
 # The real lot.
 
 
+@pytest.mark.parametrize("failures", [1, 9])
+def test_chains_with_a_variance_below_0_are_drawn_anew_and_cost_no_other_method_its_row(known, monkeypatch, failures):
+    """OpenTURNS stops on them, once in some thousand runs."""
+    import openturns as ot
+
+    runs = []
+
+    class Contrary:
+        def __init__(self, event):
+            self.algorithm = ot.SubsetSampling(event)
+            self.fails = len(runs) < failures
+            runs.append(self)
+
+        def __getattr__(self, name):
+            return getattr(self.algorithm, name)
+
+        def run(self):
+            self.algorithm.run()
+            if self.fails:
+                raise TypeError("InvalidArgumentException : The variance estimate must be >= 0")
+
+    config = known(plane)
+    monkeypatch.setattr(module, "_openturns", lambda: _Changed(ot, SubsetSampling=Contrary))
+    subset, brute = tail(config, DRIVE, "fast", limit_cm_s=16.0, methods=("subset", "brute"), relative_error=0.3)
+    assert brute.interval[0] < norm.sf(3.0) < brute.interval[1]
+    if failures == 1:
+        assert len(runs) == 2
+        assert subset.interval[0] < norm.sf(3.0) < subset.interval[1]
+        assert "drawn 2 times" in subset.note
+        (once,) = tail(config, DRIVE, "fast", limit_cm_s=16.0, methods=("subset",), relative_error=0.3)
+        assert subset.n_switches > once.n_switches, "those drawn in vain were simulated"
+    else:
+        assert math.isnan(subset.probability)
+        assert subset.note == "The variance estimate must be >= 0"
+
+
+class _Changed:
+    """A module of which some things are others."""
+
+    def __init__(self, whole, **changes):
+        self.__dict__.update(vars(whole), **changes)
+
+
 def test_brute_force_is_the_share_of_fresh_switches_and_open_ones():
     config = load_config({})
     found = [tail(config, DRIVE, event, methods=["brute"], n_switches=3000, seed=4)[0] for event in ("fast", "open")]

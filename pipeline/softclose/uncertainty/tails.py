@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -45,6 +46,8 @@ _NEVER = "no failure was met: the lot ends before the limit, or it is rarer than
 _LEVELS = 4
 _SCOUTS = 4096
 _STARTS = 8
+_AGAIN = 3
+"""Times that chains are drawn anew at most."""
 _INWARDS = np.linspace(0.7, 0.99, 16)[:, None]
 """Parts of the way to a failing point at which a nearer one is looked for."""
 
@@ -272,13 +275,7 @@ def _reliability(space: _Space, method: Method, relative_error: float, confidenc
     )
     with _quiet(ot):
         if method == "subset":
-            algorithm = ot.SubsetSampling(event)
-            algorithm.setBlockSize(1000)
-            # A level of n switches, a tenth of which goes on, is known to sqrt(9 / n), and chains halve what they tell.
-            algorithm.setMaximumOuterSampling(max(4, math.ceil(9.0 * _LEVELS * 2.0 / relative_error**2 / 1000.0)))
-            algorithm.setMaximumCoefficientOfVariation(relative_error)
-            algorithm.setMinimumProbability(LEAST)
-            return _subset(space, algorithm, confidence)
+            return _subset(ot, space, event, relative_error, confidence)
         points = _failure_points(space, seed)
         if points is None:
             return _none(
@@ -371,22 +368,45 @@ def _importance(
     return _sampled(space, "importance", algorithm.getResult(), confidence)
 
 
-def _subset(space: _Space, algorithm: Any, confidence: float) -> Tail:
+def _subset(ot: Any, space: _Space, event: Any, relative_error: float, confidence: float) -> Tail:
     """Subset sampling. Its first level is a plain sample, of whose variation OpenTURNS reports nothing.
 
     Where the first level is the only one, failures are counted in it: Clopper and Pearson. Else its variation is that
-    of the share beyond its threshold, and joins that of the chains of the other levels.
+    of the share beyond its threshold, and joins that of the chains of the other levels. Once in some thousand times
+    chains are so much against one another that OpenTURNS estimates a variance below 0, and stops: they are drawn anew.
     """
-    try:
-        algorithm.run()
-    except RuntimeError as e:
-        if "too small" not in str(e):
-            return _none(space, "subset", _reason(e))
-        return Tail(
-            method="subset", probability=0.0, interval=(0.0, math.nan), n_switches=space.n, note=_NEVER
-        )  # fmt: skip
+    again = 0
+    while True:
+        algorithm = ot.SubsetSampling(event)
+        algorithm.setBlockSize(1000)
+        # A level of n switches, a tenth of which goes on, is known to sqrt(9 / n), and chains halve what they tell.
+        algorithm.setMaximumOuterSampling(max(4, math.ceil(9.0 * _LEVELS * 2.0 / relative_error**2 / 1000.0)))
+        algorithm.setMaximumCoefficientOfVariation(relative_error)
+        algorithm.setMinimumProbability(LEAST)
+        try:
+            algorithm.run()
+            break
+        except (RuntimeError, TypeError) as e:
+            if space.fault is None and "variance" in str(e) and again < _AGAIN:
+                again += 1
+            elif "too small" in str(e):
+                return Tail(
+                    method="subset", probability=0.0, interval=(0.0, math.nan), n_switches=space.n, note=_NEVER
+                )  # fmt: skip
+            else:
+                return _none(space, "subset", _reason(e))
+    found = _of_levels(space, algorithm, confidence)
+    return (
+        replace(found, note=f"drawn {again + 1} times: before, the variance of the chains came out below 0")
+        if again
+        else found
+    )
+
+
+def _of_levels(space: _Space, algorithm: Any, confidence: float) -> Tail:
+    """What subset sampling found, and from how many levels."""
     result, steps = algorithm.getResult(), int(algorithm.getStepsNumber())
-    n = int(result.getOuterSampling()) * int(algorithm.getBlockSize()) // steps
+    n = int(result.getOuterSampling()) * int(algorithm.getBlockSize()) // steps  # of a level
     first = float(algorithm.getProbabilityEstimatePerStep()[0])
     if steps == 1:
         interval = clopper_pearson(round(first * n), n, confidence)
@@ -407,7 +427,7 @@ def _of_chains(algorithm: Any) -> float:
 
 def _reason(e: Exception) -> str:
     """The first line of what OpenTURNS says."""
-    return str(e).splitlines()[0].removeprefix("Exception : ").split(":")[0]
+    return re.sub(r"^\w*Exception : ", "", str(e).splitlines()[0]).split(":")[0]
 
 
 def _sampled(space: _Space, method: Method, result: Any, confidence: float, variation: float | None = None) -> Tail:
