@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,8 @@ def main() -> None:
                 low, high = found.parameters[p].interval
                 hits[p] += low <= value <= high
                 open_ones[p] += math.isinf(high)
+            if (seed + 1) % 500 == 0:
+                print(f"{seed + 1} of {n}: {hits}, not told {open_ones}", file=sys.stderr, flush=True)
         cells = ", ".join(
             f"{p} {hits[p] / n:.3f}" + (f" ({open_ones[p]} not told)" if open_ones[p] else "") for p in truth
         )

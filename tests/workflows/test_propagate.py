@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,22 @@ def test_it_says_what_switches_and_what_devices_leave_open(store: str, devices: 
     by_switches = found["assessment"]["v_u_interval"]
     assert high - low > by_switches[1] - by_switches[0]
     assert len(found["lots"]["p_nc"]) == found["n_lots"] == 40
+
+
+def test_of_few_devices_it_says_how_often_such_intervals_were_measured_to_hold(store: str, tmp_path: Path) -> None:
+    said = {}
+    for n in (12, 40):
+        write_synthetic(load_population("current"), tmp_path / f"{n}.csv", n=n, seed=2)
+        few = ("--lots", "20", "--switches", "200", "--bounds", "D=2.3:2.7", "--bounds", "G=3.6:3.9")
+        said[n] = " ".join(_propagate(store, str(tmp_path / f"{n}.csv"), *few).split())
+    page = (Path(__file__).parents[2] / "docs" / "measurements" / "coverage.md").read_text("utf-8")
+    section = page.partition("## What devices leave open")[2]
+    (row,) = re.findall(r"^\| 12 \| [\d,]+ \| (0\.\d+) \| (0\.\d+) \|$", section, re.MULTILINE)
+    v_u, p_nc = (f"{100.0 * float(cell):.0f} %" for cell in row)
+    assert "12 devices are few: of 12, without known bounds, intervals of a stated 95 %" in said[12]
+    assert f"were measured to hold v_u {v_u} of" in said[12]
+    assert f"the share left open {p_nc}" in said[12]
+    assert "few" not in said[40]
 
 
 def test_bad_input_is_one_error(store: str, devices: str, tmp_path: Path) -> None:
