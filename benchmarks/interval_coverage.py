@@ -416,7 +416,8 @@ def replicated(
                 if k < 2:
                     one = _figures(*singles[k][i], "sobol")[0]
                     errors[i].append((one - truth) / (0.5 * (plain[:, 1] - plain[:, 0]) / 1.96))
-        print(f"{n} switches: group {group + 1} of {GROUPS}", file=sys.stderr, flush=True)
+        so_far = inside[:, : group + 1].mean(axis=(1, 2)).round(3).tolist()
+        print(f"{n} switches, group {group + 1} of {GROUPS}: {dict(zip(names, so_far, strict=True))}", file=sys.stderr)
     found = {}
     for i, name in enumerate(names):
         by_group = inside[i].mean(axis=1)
