@@ -484,8 +484,9 @@ def run_case(
     *,
     repair: bool = True,
     turn: int | None = None,
+    few: int = 2,
 ) -> list[str]:
-    """Everything that is wrong about the answers to one damage. turn: two of the commands that meet it, which in turn.
+    """Everything that is wrong about the answers to one damage. turn: a few of the commands that meet it, which in turn.
 
     None: all of them.
     """
@@ -516,7 +517,7 @@ def run_case(
     case.spared += len(commands) - len(met)
     if turn is not None:
         ordered = sorted(met)
-        met = {ordered[(2 * turn + n) % len(ordered)] for n in range(2)} if met else met
+        met = {ordered[(few * turn + n) % len(ordered)] for n in range(few)} if met else met
     for name in sorted(met & READING.keys()):
         asked(name, commands[name], lambda answer, name=name: _answer(case, name, answer, key, told))
     assert now(case) == told, f"{kind} {damage}: a command that reads has written"

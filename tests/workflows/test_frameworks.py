@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -98,13 +99,15 @@ SCRIPTS = {"libensemble": LIBENSEMBLE, "xopt": XOPT, "optimas": OPTIMAS}
 
 
 def environment(name: str) -> Path:
-    """The interpreter of an environment with the framework alone; made once, kept in `build`."""
+    """The interpreter of an environment with the framework over the packages of this one; made once, in `build`."""
     folder = ROOT / "build" / "frameworks" / name
     python = folder / "bin" / "python"
     if not (folder / "ready").exists():
-        subprocess.run([sys.executable, "-m", "venv", "--clear", str(folder)], check=True, timeout=300)
+        subprocess.run([sys.executable, "-m", "venv", "--clear", "--without-pip", str(folder)], check=True, timeout=300)
+        own = sysconfig.get_path("purelib", vars={"base": str(folder), "platbase": str(folder)})
+        (Path(own) / "ours.pth").write_text(sysconfig.get_path("purelib") + "\n")
         done = subprocess.run(
-            [str(python), "-m", "pip", "install", "--quiet", f"{ROOT}[gest]", name],
+            [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "gest-api", name],
             capture_output=True, text=True, timeout=3000, check=False,
         )  # fmt: skip
         if done.returncode:
