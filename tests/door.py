@@ -486,7 +486,7 @@ def run_case(
     turn: int | None = None,
     few: int = 2,
 ) -> list[str]:
-    """Everything that is wrong about the answers to one damage. turn: a few of the commands that meet it, which in turn.
+    """Everything that is wrong about the answers to one damage. turn: few of the commands that meet it, which in turn.
 
     None: all of them.
     """
