@@ -298,7 +298,7 @@ def test_a_kill_within_repair_extension_or_a_group_is_mended(name: str, smallest
 @pytest.mark.parametrize("name", WORKS)
 def test_a_kill_at_any_rename_and_removal_is_mended(name: str, smallest: Case, tmp_path: Path) -> None:
     """A group of some fifty arrays is written by two hundred of them, which differ by the array's name only."""
-    _kill_within(name, smallest, tmp_path, edge=8, step=11)
+    _kill_within(name, smallest, tmp_path, edge=8, step=17)
 
 
 def test_sizes_that_do_not_follow_from_the_configuration_are_not_driven(tmp_path: Path) -> None:
