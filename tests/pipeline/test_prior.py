@@ -18,6 +18,7 @@ from softclose.evaluate.judging import judge
 from softclose.evaluate.scoring import objective_settings
 from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
+from softclose.propose import asked_ahead, stretches
 from softclose.propose import prior as prior_module
 from softclose.propose.correction import ArsinhScale, trend
 from softclose.propose.descents import Descent
@@ -29,6 +30,7 @@ from softclose.propose.promises import PriorError, PriorValues
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, seen_by
 from softclose.propose.regions import shares
+from softclose.propose.stretches import run_stretch
 from softclose.settings import ConfigError, load_config
 
 SMALL = {
@@ -232,46 +234,91 @@ def test_basins_are_where_the_prior_is_best_and_promise_what_it_said():
 class Elsewhere:
     """A bowl that is asked by workers: what is begun is evaluated when it is waited for."""
 
-    def __init__(self, config, **bowl):
+    def __init__(self, config, n_elsewhere=1, **bowl):
         self.bowl, self.begun, self.waited, self.most, self.ahead = Bowl(config, **bowl), {}, 0, 0, 0
-        self.has_waited = False
+        self.has_waited, self.n_elsewhere = False, n_elsewhere
+        self.stretches, self.problems = [], [Problem(prior_config(config)) for _ in range(n_elsewhere)]
 
     def begin(self, waveforms, n_switches, *, beside=1):
+        return self._begin((list(waveforms), n_switches))
+
+    def begin_stretch(self, stretch):
+        self.stretches.append(stretch)
+        return self._begin(stretch)
+
+    def _begin(self, question):
         self.ahead += self.has_waited and len(self.begun) > self.waited
-        self.begun[len(self.begun)], self.has_waited = (list(waveforms), n_switches), False
+        self.begun[len(self.begun)], self.has_waited = question, False
         self.most = max(self.most, len(self.begun) - self.waited)
         return len(self.begun) - 1
 
-    def wait(self, question):
-        waveforms, n_switches = self.begun[question]
-        self.begun[question], self.has_waited = None, True
+    def _waited(self, number):
+        question, self.begun[number], self.has_waited = self.begun[number], None, True
         self.waited += 1
-        return self.bowl.values(waveforms, n_switches)
+        return question
+
+    def wait(self, number):
+        return self.bowl.values(*self._waited(number))
+
+    def wait_stretch(self, number):
+        # A worker that has run another stretch of the descent, or one that has not.
+        return run_stretch(self.problems[number % self.n_elsewhere], self.bowl.values, self._waited(number))
 
 
-@pytest.mark.parametrize(
-    ("prior", "most"),
-    [
-        ({"budget": 400}, 2),
-        ({"budget": 397, "n_descents": 5, "rounds": 3}, 5),
-        ({"budget": 300, "n_descents": 1}, 1),
-        ({"budget": 40, "n_descents": 3}, 3),
-    ],
-)
+BUDGETS = [
+    ({"budget": 400}, 2),
+    ({"budget": 397, "n_descents": 5, "rounds": 3}, 5),
+    ({"budget": 300, "n_descents": 1}, 2),  # of the polish
+    ({"budget": 40, "n_descents": 3}, 3),
+    ({"budget": 400, "n_descents": 4, "polish": 200}, 4),
+]
+
+
+@pytest.mark.parametrize(("prior", "most"), BUDGETS)
 def test_who_need_not_be_waited_for_is_asked_ahead_and_the_basins_are_the_same(prior, most):
     config = config_of(prior=prior)
     bowl, workers = Bowl(config), Elsewhere(config)
     found, same = find_basins(config, bowl.values), find_basins(config, workers)
-    assert same.waveforms == found.waveforms
-    assert same.g_cm_s.tobytes() == found.g_cm_s.tobytes()
-    assert same.shapes.tobytes() == found.shapes.tobytes()
+    assert_same(found, same)
     assert workers.bowl.asked == bowl.asked == found.n_tried, "nothing is evaluated twice"
     assert workers.waited == len(workers.begun), "nothing is asked in vain"
     assert workers.most == most
-    assert (workers.ahead > 0) == (most > 1 and prior["budget"] > 40)
+    assert (workers.ahead > 0) == (prior.get("n_descents", 2) > 1 and prior["budget"] > 40)
+    assert not workers.stretches
 
 
-def test_a_descent_that_fails_ahead_fails_in_its_wave_as_it_would(monkeypatch):
+@pytest.mark.parametrize("n_elsewhere", [2, 3, 8])
+@pytest.mark.parametrize(("prior", "most"), BUDGETS)
+@pytest.mark.parametrize("worth", [stretches.WORTH, 24 * 100])
+def test_workers_run_descents_by_themselves_and_the_basins_are_the_same(prior, most, n_elsewhere, worth, monkeypatch):
+    monkeypatch.setattr(stretches, "WORTH", worth)
+    monkeypatch.setattr(asked_ahead, "WORTH", 10 * worth)
+    config = config_of(prior=prior)
+    bowl, workers = Bowl(config), Elsewhere(config, n_elsewhere)
+    found, same = find_basins(config, bowl.values), find_basins(config, workers)
+    assert_same(found, same)
+    assert workers.bowl.asked == bowl.asked == found.n_tried, "nothing is evaluated twice"
+    assert workers.waited == len(workers.begun), "nothing is asked in vain"
+    assert max((s.n_generations for s in workers.stretches), default=0) > 2 or prior["budget"] == 40
+    assert any(s.descent.beginning.goes_on_at for s in workers.stretches) == ("polish" in prior)
+
+
+def test_a_generation_that_is_worth_dealing_out_is_not_left_to_one_worker(monkeypatch):
+    config = config_of(prior={"budget": 400})
+    monkeypatch.setattr(asked_ahead, "WORTH", 1)
+    workers = Elsewhere(config, 2)
+    find_basins(config, workers)
+    assert not workers.stretches
+
+
+def assert_same(found, same):
+    assert same.waveforms == found.waveforms
+    assert same.g_cm_s.tobytes() == found.g_cm_s.tobytes()
+    assert same.shapes.tobytes() == found.shapes.tobytes()
+
+
+@pytest.mark.parametrize("n_elsewhere", [1, 2])
+def test_a_descent_that_fails_ahead_fails_in_its_wave_as_it_would(monkeypatch, n_elsewhere):
     config, tell = config_of(prior={"budget": 400, "n_descents": 3}), Descent.tell
 
     def failing(self, g):
@@ -280,10 +327,27 @@ def test_a_descent_that_fails_ahead_fails_in_its_wave_as_it_would(monkeypatch):
         tell(self, g)
 
     monkeypatch.setattr(Descent, "tell", failing)
-    workers = Elsewhere(config)
-    found, same = find_basins(config, Bowl(config).values), find_basins(config, workers)
-    assert same.waveforms == found.waveforms
-    assert same.shapes.tobytes() == found.shapes.tobytes()
+    workers = Elsewhere(config, n_elsewhere)
+    assert_same(find_basins(config, Bowl(config).values), find_basins(config, workers))
+    assert bool(workers.stretches) == (n_elsewhere > 1)
+
+
+def test_a_worker_whose_descent_goes_another_way_changes_nothing():
+    class Elsewhere2(Elsewhere):
+        """Whose workers tell a descent something else from its third generation on."""
+
+        def wait_stretch(self, number):
+            stretch = self._waited(number)
+            other = Problem(prior_config(config))
+            run = run_stretch(other, self.bowl.values, stretch)
+            if len(run) < 3:
+                return run
+            return [*run[:2], *(replace(generation, key=generation.key[::-1]) for generation in run[2:])]
+
+    config = config_of(prior={"budget": 400, "n_descents": 2})
+    workers = Elsewhere2(config, 2)
+    assert_same(find_basins(config, Bowl(config).values), find_basins(config, workers))
+    assert workers.stretches
 
 
 def test_why_a_waveform_has_no_value_is_told_by_workers_too():

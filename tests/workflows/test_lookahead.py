@@ -19,7 +19,7 @@ from softclose_workflows.run.campaign import Driver
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.serial import SerialExecutor
 from softclose_workflows.run.executors.threads import ThreadExecutor
-from softclose_workflows.run.prior import PriorAtWork, PriorOfStore, PriorTask
+from softclose_workflows.run.prior import PriorAtWork, PriorOfStore, PriorTask, StretchTask
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import BlockTask
 from stores import differences
@@ -128,7 +128,7 @@ class Clock(SerialExecutor):
         self.worked = 0.0
 
     def next_event(self, timeout_s: float) -> Any:
-        prior = next((task for task in self._waiting if isinstance(task, PriorTask)), None)
+        prior = next((task for task in self._waiting if isinstance(task, PriorTask | StretchTask)), None)
         if prior is not None:
             self._waiting.remove(prior)
             return prior, prior.run()

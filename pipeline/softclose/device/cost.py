@@ -10,7 +10,10 @@ import math
 from softclose.plugins import MEASURED, MODELS, REDUCED_ORDER, SINGLE_MODE, ModelError
 
 PIECE_S = 0.05
-"""What a piece of work should take [s]: a scheduler spends a millisecond on each."""
+"""What a piece of work should take [s]: on a local cluster all processes together spend some 10 ms on each."""
+
+LARGE_PIECE_S = 0.2
+"""The same of work that is so large that its pieces are many."""
 
 PLAIN_S, LOSSY_S, MODAL_S = 4e-6, 6e-5, 1.5e-4
 """A trajectory of Eqs. 1-2, one with losses, one of several modes [s]."""
@@ -44,10 +47,13 @@ def seconds_a_trajectory(model: str, *, lossless: bool = True, ideal: bool = Tru
     return float(stated) if isinstance(stated, int | float) and 0.0 < stated < math.inf else UNSTATED_S
 
 
-def rows_a_piece(seconds_a_switch: float, *, n_waveforms: int = 1) -> int:
-    """Switches of a piece of work that simulates each of them under so many waveforms."""
+def rows_a_piece(seconds_a_switch: float, *, n_waveforms: int = 1, piece_s: float = PIECE_S) -> int:
+    """Switches of a piece of work that simulates each of them under so many waveforms.
+
+    piece_s: what it should take [s].
+    """
     each = seconds_a_switch * max(n_waveforms, 1)
-    return min(max(math.floor(PIECE_S / each), fewest_rows(each)), MOST_ROWS)
+    return min(max(math.floor(piece_s / each), fewest_rows(each)), MOST_ROWS)
 
 
 def fewest_rows(seconds_a_row: float) -> int:

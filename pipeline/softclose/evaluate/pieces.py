@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from softclose.device.cost import rows_a_piece
+from softclose.device.cost import LARGE_PIECE_S, rows_a_piece
 from softclose.evaluate.chain import seconds_a_switch
 from softclose.evaluate.respond import respond
 from softclose.metrics.objective import Judged
@@ -74,9 +74,16 @@ class Work:
     """See `respond`."""
 
 
+MANY = 128
+"""Pieces that keep enough workers busy."""
+
+
 def rows_of_pieces(config: CampaignConfig, n: int, *, n_waveforms: int = 1) -> list[range]:
-    """The rows of each piece of n switches, by what the device model says that a trajectory costs."""
-    most = rows_a_piece(seconds_a_switch(config), n_waveforms=n_waveforms)
+    """The rows of each piece of n switches, by what the device model says that a trajectory costs: larger ones where
+    there are `MANY` all the same."""
+    seconds = seconds_a_switch(config)
+    least = rows_a_piece(seconds, n_waveforms=n_waveforms)
+    most = max(least, min(n // MANY, rows_a_piece(seconds, n_waveforms=n_waveforms, piece_s=LARGE_PIECE_S)))
     return [range(start, min(start + most, n)) for start in range(0, n, most)]
 
 

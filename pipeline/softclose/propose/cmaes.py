@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softclose.propose.descents import Descent, continued
+from softclose.propose.descents import Beginning, continued
 from softclose.propose.explore import stage_g
 from softclose.propose.origins import CMAES
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, even_waves
@@ -35,7 +35,7 @@ class CmaesEngine:
         number = (wave.start - given) // each
         begins = [given + k * each for k in range(number % lag, number, lag)]
         told = [stage_g(problem, history, begin, begin + each) for begin in begins]
-        points = continued(problem, ("cmaes", number % lag), lambda: _begin(problem, number % lag), told).points()
+        points = continued(problem, _beginning(problem, number % lag), told).points()
         waveforms = problem.space.waveforms(points[: wave.size])
         return [Proposal(waveform=w, origin=CMAES, n_switches=wave.n_switches) for w in waveforms]
 
@@ -45,7 +45,7 @@ def _generation(problem: Problem) -> int:
     return 4 + int(3.0 * math.log(problem.space.dim))
 
 
-def _begin(problem: Problem, run: int) -> Descent:
+def _beginning(problem: Problem, run: int) -> Beginning:
     dim = problem.space.dim
     start = np.full(dim, 0.5) if run == 0 else initial_point(problem, run - 1, "cmaes")
-    return Descent(problem.space, start, SIGMA, _generation(problem), problem.generator("cmaes", run))
+    return Beginning(stream="cmaes", who=run, start=start, sigma=SIGMA, generation=_generation(problem))

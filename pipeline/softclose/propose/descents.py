@@ -10,7 +10,8 @@ import functools
 import math
 import sys
 import warnings
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,20 +28,22 @@ AGAIN = 0.4
 """A run that has converged begins again around its mean, this much as wide as it began."""
 
 
+_UNUSED = ("matplotlib", "scipy.stats")
+"""What the library would load and can do without: most of the time that it takes to import."""
+
+
 @functools.cache
 def library() -> Any:
-    """The library, imported where it is used and without the plotting that it would load: that is half of its time."""
-    plots = "matplotlib"
-    keeps_out = plots not in sys.modules
+    """The library, imported where it is used and without what it would load for plots and surrogates of its own."""
+    kept_out = [name for name in _UNUSED if name not in sys.modules]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if keeps_out:
-            sys.modules[plots] = None  # type: ignore[assignment]
+        sys.modules.update(dict.fromkeys(kept_out))  # type: ignore[arg-type]
         try:
             import cma
         finally:
-            if keeps_out:
-                del sys.modules[plots]
+            for name in kept_out:
+                del sys.modules[name]
     return cma
 
 
@@ -127,11 +130,46 @@ class Descent:
         self.told, self._asked = [], None
 
 
-def continued(problem: Problem, key: Hashable, begin: Callable[[], Descent], told: Sequence[FloatArray]) -> Descent:
-    """The run `key` after the generations `told`, from the cache where that was told the same."""
-    run: Descent | None = problem.descents.get(key)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Beginning:
+    """All that decides a descent but what it is told."""
+
+    stream: str
+    """What its random numbers are for."""
+    who: int
+    """Which descent of those."""
+    start: FloatArray
+    """(d,) where it begins, in the unit cube."""
+    sigma: float
+    """How wide."""
+    generation: int
+    """Points that it asks for at once."""
+    before: tuple[FloatArray, ...] = ()
+    """(generation,) each: what it was told of in an earlier chapter, on another ensemble [cm/s]."""
+    goes_on_at: float | None = None
+    """Least width of the chapter after that; None: it has one chapter only."""
+
+    @property
+    def key(self) -> tuple[Hashable, ...]:
+        """The same for the same descent."""
+        told = (values.tobytes() for values in self.before)
+        return self.stream, self.who, self.start.tobytes(), self.sigma, self.generation, self.goes_on_at, *told
+
+    def run(self, problem: Problem) -> Descent:
+        """The descent, before it is told anything of its latest chapter."""
+        run = Descent(problem.space, self.start, self.sigma, self.generation, problem.generator(self.stream, self.who))
+        for values in self.before:
+            run.tell(values)
+        if self.goes_on_at is not None:
+            run.go_on(self.goes_on_at)
+        return run
+
+
+def continued(problem: Problem, beginning: Beginning, told: Sequence[FloatArray]) -> Descent:
+    """A descent after the generations `told`, from the cache where that was told the same."""
+    run: Descent | None = problem.descents.get(beginning.key)
     if run is None or len(run.told) > len(told) or any(map(_differ, run.told, told)):
-        run = problem.descents[key] = begin()
+        run = problem.descents[beginning.key] = beginning.run(problem)
     for g in told[len(run.told) :]:
         run.tell(g)
     return run

@@ -7,14 +7,15 @@ workers come from (ADR 037).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
-from softclose.propose.descents import Descent, continued
+from softclose.propose.descents import Beginning
 from softclose.propose.design import design_point
+from softclose.propose.following import Following, Sharing
 from softclose.propose.known import column
 from softclose.propose.ladder import Course, Ladder, build_ladder, courses, owner
 from softclose.propose.origins import BY_HAND, EXPLORE, FALLBACK, SCOUT
@@ -50,15 +51,13 @@ class ExploreEngine:
         ladder = explore_ladder(problem)
         begin = problem.config.campaign.budget
         number = ladder.step_at(wave.start - begin)
-        turn = ladder.steps[number].turn
-        known, sharing = courses(ladder, turn, number, stage_g(problem, history, begin, wave.start))
         if ladder.steps[number].round < 0:
+            scouted = ladder.scouted(ladder.steps[number].turn)
             origin = SCOUT
-            points = np.array([_scout(problem, who, i) for who in sharing for i in range(ladder.n_scouts)])
+            points = np.array([_scout(problem, who, i) for who in scouted for i in range(ladder.n_scouts)])
         else:
             origin = EXPLORE
-            runs = [descent(problem, ladder, who, known[who], history) for who in sharing]
-            points = np.concatenate([run.points() for run in runs])
+            points = np.concatenate([s.points(problem) for s in _sharing(problem, number, history, wave.start)])
         waveforms = problem.space.waveforms(points[: wave.size])
         return [Proposal(waveform=w, origin=origin, n_switches=wave.n_switches) for w in waveforms]
 
@@ -73,53 +72,35 @@ def _g(o: Observation) -> float:
     return o.rank_cm_s if o.usable and not o.origin.startswith((FALLBACK, BY_HAND)) else np.inf
 
 
-def descent(problem: Problem, ladder: Ladder, who: int, course: Course, history: Sequence[Observation]) -> Descent:
-    """The run of one descent after its course so far, kept for its next generation."""
-    start = _start(problem, ladder, who, course, history)
-    return continued(problem, ("explore", who, start.tobytes()), lambda: _begin(problem, who, start), course.told)
+def _sharing(problem: Problem, number: int, history: Sequence[Observation], end: int) -> list[Sharing]:
+    """The descents that share a step of the ladder, from the records before candidate `end`."""
+    ladder, begin = explore_ladder(problem), problem.config.campaign.budget
+    known, sharing = courses(ladder, ladder.steps[number].turn, number, stage_g(problem, history, begin, end))
+    return [
+        Sharing(beginning=_beginning(problem, ladder, who, known[who], history), told=tuple(known[who].told))
+        for who in sharing
+    ]
 
 
-class NextGenerations:
-    """What descents will ask for next, each as soon as its own values are there: they are independent until the better
-    half of them goes on."""
+def following(problem: Problem, wave: Wave, history: Sequence[Observation]) -> Following | None:
+    """The descents that share a wave of this stage, and what follows it; None of a wave of another kind.
 
-    def __init__(self, problem: Problem, wave: Wave, history: Sequence[Observation]) -> None:
-        """history: the records before the wave, which is being evaluated."""
-        self._problem, self._history = problem, history
-        self._ladder, begin = explore_ladder(problem), problem.config.campaign.budget
-        self._known: dict[int, Course] = {}
-        self._sharing: list[int] = []
-        self.n_shares = 1
-        """Equal parts of the wave, each of one descent."""
-        if self._ladder.turns > 1 or not begin <= wave.start < begin + problem.config.explore.budget:
-            return
-        number = self._ladder.step_at(wave.start - begin)
-        step, *then = self._ladder.steps[number : number + 2]
-        if step.round < 0 or step.size != step.n_descents * self._ladder.generation:
-            return
-        self.n_shares = step.n_descents
-        if then and (then[0].round, then[0].size) == (step.round, step.size):
-            g = stage_g(problem, history, begin, wave.start)
-            self._known, self._sharing = courses(self._ladder, step.turn, number, g)
-
-    @property
-    def are_known(self) -> bool:
-        """Whether what each descent asks for next follows from its own values alone."""
-        return bool(self._sharing)
-
-    def points(self, share: int, told: Sequence[Observation]) -> FloatArray:
-        """(generation, d) what the descent of a share asks for after the records of its share."""
-        who = self._sharing[share]
-        course = self._known[who]
-        after = Course(scouts=course.scouts, told=[*course.told, np.array([_g(o) for o in told])])
-        return descent(self._problem, self._ladder, who, after, self._history).points()
+    history: the records before the wave, which is being evaluated.
+    """
+    ladder, begin = explore_ladder(problem), problem.config.campaign.budget
+    if ladder.turns > 1 or not begin <= wave.start < begin + problem.config.explore.budget:
+        return None
+    number = ladder.step_at(wave.start - begin)
+    if not ladder.is_whole(number):
+        return None
+    return Following(sharing=_sharing(problem, number, history, wave.start), n_left=ladder.n_alike(number))
 
 
 def past(
     problem: Problem, history: Sequence[Observation], index: int
-) -> tuple[int, tuple[bytes, ...], Callable[[], Descent]] | None:
-    """Of a record that belongs to a descent: which one, all that decides its course, and how to run it again to its
-    end; None for a record of another kind, or of a descent without a generation."""
+) -> tuple[Beginning, tuple[FloatArray, ...]] | None:
+    """Of a record that belongs to a descent: how that began, and all that it was told; None for a record of another
+    kind, or of a descent without a generation."""
     begin = problem.config.campaign.budget
     place = index - begin
     if not 0 <= place < problem.config.explore.budget:
@@ -130,15 +111,7 @@ def past(
     course = courses(ladder, who % ladder.turns, len(ladder.steps), g)[0][who]
     if not course.told:
         return None
-    start = _start(problem, ladder, who, course, history)
-
-    def run() -> Descent:
-        again = _begin(problem, who, start)
-        for values in course.told:
-            again.tell(values)
-        return again
-
-    return who, (start.tobytes(), *(values.tobytes() for values in course.told)), run
+    return _beginning(problem, ladder, who, course, history), tuple(course.told)
 
 
 def _start(problem: Problem, ladder: Ladder, who: int, course: Course, history: Sequence[Observation]) -> FloatArray:
@@ -151,9 +124,15 @@ def _start(problem: Problem, ladder: Ladder, who: int, course: Course, history: 
     return _scout(problem, who, int(np.argmin(course.scouts)) if len(course.scouts) else 0)
 
 
-def _begin(problem: Problem, who: int, start: FloatArray) -> Descent:
+def _beginning(problem: Problem, ladder: Ladder, who: int, course: Course, history: Sequence[Observation]) -> Beginning:
     settings = problem.config.explore
-    return Descent(problem.space, start, settings.sigma, settings.generation, problem.generator("descent", who))
+    return Beginning(
+        stream="descent",
+        who=who,
+        start=_start(problem, ladder, who, course, history),
+        sigma=settings.sigma,
+        generation=settings.generation,
+    )
 
 
 def _scout(problem: Problem, who: int, place: int) -> FloatArray:

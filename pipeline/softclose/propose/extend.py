@@ -12,7 +12,7 @@ import numpy as np
 
 from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
-from softclose.propose.descents import Descent, continued
+from softclose.propose.descents import Beginning, continued
 from softclose.propose.explore import stage_g
 from softclose.propose.extensions import extensions
 from softclose.propose.origins import EXTENDED
@@ -37,8 +37,7 @@ class ExtendEngine:
         g = stage_g(problem, history, begin, wave.start)
         run = continued(
             problem,
-            (wave.stage, start.tobytes()),
-            lambda: Descent(problem.space, start, settings.sigma, each, problem.generator("extend", begin)),
+            Beginning(stream="extend", who=begin, start=start, sigma=settings.sigma, generation=each),
             [g[i : i + each] for i in range(0, len(g), each)],
         )
         waveforms = problem.space.waveforms(run.points()[: wave.size])

@@ -6,17 +6,18 @@ one wave, all basins. Then the best few are polished at once, the better half of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize
 
 from softclose.arrays import FloatArray
 from softclose.propose.basins import distinct_basins
-from softclose.propose.descents import Descent, continued
+from softclose.propose.descents import Beginning
 from softclose.propose.explore import past, stage_g
+from softclose.propose.following import Following, Sharing
 from softclose.propose.ladder import Ladder, build_ladder, courses
 from softclose.propose.origins import EXTRA, POLISH, RERANK
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave
@@ -51,7 +52,8 @@ class FinishEngine:
             return (found + _beside(problem, wave, next(iter(basins), None)))[: wave.size]
         finished = [o for o in history[begin:] if o.usable]
         if settings.method == "cmaes":
-            points = _descend(problem, wave, history, basins)
+            shares = [s.points(problem) for s in _sharing(problem, wave, history, basins)]
+            points = np.concatenate(shares) if shares else np.empty((0, problem.space.dim))
         elif settings.method == "surrogate":
             from softclose.propose.skopt_engine import polish  # imported where it is used: skopt is slow to import
 
@@ -93,8 +95,28 @@ def _beside(problem: Problem, wave: Wave, around: Observation | None) -> list[Pr
     return [Proposal(waveform=w, origin=EXTRA, n_switches=wave.n_switches, note=note) for w in space.waveforms(points)]
 
 
-def _descend(problem: Problem, wave: Wave, history: Sequence[Observation], basins: Sequence[Observation]) -> FloatArray:
-    """The next generation of every basin that is being polished, best first in the second wave."""
+def following(problem: Problem, wave: Wave, history: Sequence[Observation]) -> Following | None:
+    """The descents that share a wave of this stage, and what follows it; None of a wave of another kind.
+
+    history: the records before the wave, which is being evaluated.
+    """
+    settings, begin = problem.config.finish, _begin_of_stage(problem)
+    place = wave.start - begin - min(settings.n_basins, settings.budget)
+    if settings.method != "cmaes" or place < 0:
+        return None
+    ladder = _polish_ladder(problem)
+    number = ladder.step_at(place)
+    if not ladder.is_whole(number):
+        return None
+    basins = distinct_basins(problem, history[:begin], settings.n_basins, settings.distance)
+    sharing = _sharing(problem, wave, history, basins)
+    return Following(sharing=sharing, n_left=ladder.n_alike(number)) if sharing else None
+
+
+def _sharing(
+    problem: Problem, wave: Wave, history: Sequence[Observation], basins: Sequence[Observation]
+) -> list[Sharing]:
+    """The descents that share a wave of the polish, each from a basin, best first in the second wave."""
     settings, begin = problem.config.finish, _begin_of_stage(problem)
     ladder = _polish_ladder(problem)
     first = begin + min(settings.n_basins, settings.budget)
@@ -103,45 +125,28 @@ def _descend(problem: Problem, wave: Wave, history: Sequence[Observation], basin
     number = ladder.step_at(wave.start - first)
     known, sharing = courses(ladder, 0, number, stage_g(problem, history, first, wave.start))
     if not ranked:
-        return np.empty((0, problem.space.dim))
-    runs: dict[int, Descent] = {}
+        return []
+    beginnings: list[Beginning] = []
     claimed: set[int] = set()
     for who in range(ladder.n_descents):
         basin = ranked[min(who, len(ranked) - 1)]
         found = past(problem, history, basin.index)
-        if found is not None and found[0] in claimed:
-            found = None  # its descent goes on already: this one begins afresh
-        if found is not None:
-            claimed.add(found[0])
-        if who in sharing:
-            runs[who] = _run(problem, who, basin, found, known[who].told)
-    return np.concatenate([runs[who].points() for who in sharing])
-
-
-def _run(
-    problem: Problem,
-    who: int,
-    basin: Observation,
-    found: tuple[int, tuple[bytes, ...], Callable[[], Descent]] | None,
-    told: Sequence[FloatArray],
-) -> Descent:
-    """A descent on the larger ensemble: the one that found the basin goes on, with the shape that it has learnt."""
-    sigma = problem.config.finish.sigma
-    if found is not None:
-        _, identity, again = found
-
-        def go_on() -> Descent:
-            run = again()
-            run.go_on(sigma)
-            return run
-
-        return continued(problem, ("polish", who, *identity), go_on, told)
-    start = problem.space.unit(basin.waveform, clip=True)
-
-    def begin() -> Descent:
-        return Descent(problem.space, start, sigma, problem.config.explore.generation, problem.generator("polish", who))
-
-    return continued(problem, ("polish", who, start.tobytes()), begin, told)
+        if found is not None and found[0].who not in claimed:
+            earlier, told = found
+            claimed.add(earlier.who)
+            # The descent that found it goes on, with the shape that it has learnt, on the larger ensemble.
+            beginnings.append(replace(earlier, before=told, goes_on_at=settings.sigma))
+        else:  # of another stage, or its descent goes on already: this one begins afresh
+            beginnings.append(
+                Beginning(
+                    stream="polish",
+                    who=who,
+                    start=problem.space.unit(basin.waveform, clip=True),
+                    sigma=settings.sigma,
+                    generation=problem.config.explore.generation,
+                )
+            )
+    return [Sharing(beginning=beginnings[who], told=tuple(known[who].told)) for who in sharing]
 
 
 def _walk(problem: Problem, finished: Sequence[Observation]) -> FloatArray:
@@ -157,6 +162,8 @@ def _walk(problem: Problem, finished: Sequence[Observation]) -> FloatArray:
 
 
 def _nelder_mead(g: object, start: FloatArray, settings: FinishSection) -> None:
+    from scipy.optimize import minimize  # where it is used: it takes 0.2 s to import
+
     simplex = np.clip(start + settings.sigma * np.vstack([np.zeros(len(start)), np.eye(len(start))]), 0.0, 1.0)
     simplex[1:] -= 2.0 * settings.sigma * np.eye(len(start)) * (simplex[1:] >= 1.0)
     minimize(

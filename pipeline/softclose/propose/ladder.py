@@ -7,6 +7,7 @@ configuration; who goes on follows from records that every wave of the round can
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -55,6 +56,17 @@ class Ladder:
     def scouted(self, turn: int) -> list[int]:
         """Those of them that have scouts."""
         return [who for who in self.members(turn) if not (self.goes_on and who == 0)]
+
+    def is_whole(self, number: int) -> bool:
+        """Whether a step has a whole generation of each of its descents."""
+        step = self.steps[number]
+        return step.round >= 0 and step.size == step.n_descents * self.generation
+
+    def n_alike(self, number: int) -> int:
+        """Steps behind a whole one that the same descents share, all whole."""
+        step = self.steps[number]
+        rest = itertools.takewhile(lambda s: (s.round, s.size) == (step.round, step.size), self.steps[number + 1 :])
+        return sum(1 for _ in rest)
 
     def step_at(self, place: int) -> int:
         """Number of the step that holds the candidate at `place` of the stage."""

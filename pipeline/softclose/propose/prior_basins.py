@@ -6,20 +6,20 @@ A pure function of the configuration. The descents are those of `explore`; only 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 
 from softclose.arrays import FloatArray
+from softclose.propose.asked_ahead import AskedAhead
 from softclose.propose.basins import distinct_basins
 from softclose.propose.descents import Descent
-from softclose.propose.explore import NextGenerations
 from softclose.propose.plan import plan
 from softclose.propose.prior import Prior, prior_config
-from softclose.propose.promises import Ask, Asking, Basins, PriorValues
+from softclose.propose.promises import Ask, Basins, PriorValues
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave
+from softclose.propose.stretches import Asking
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 
@@ -27,18 +27,20 @@ from softclose.waveform import Waveform
 def find_basins(config: CampaignConfig, ask: Ask | Asking) -> Basins:
     """Descend on the campaign's prior, and keep the best basins: `optimiser.n_regions` of them at most.
 
-    Whoever can be asked without waiting gets the next generation of a descent while those of others are evaluated.
+    Whoever can be asked without waiting is asked ahead (`AskedAhead`).
     """
     problem = Problem(prior_config(config))
     proposer, history, failure = Proposer(problem), list[Observation](), ""
-    begun: dict[bytes, Any] = {}
+    ahead = AskedAhead(problem, ask) if isinstance(ask, Asking) else None
     for wave in plan(problem):
         proposals = proposer.from_history(wave, history)
-        if isinstance(ask, Asking):
-            told, failed = _asked_ahead(problem, wave, proposals, history, ask, begun)
+        records = partial(_records, wave)
+        if ahead is not None:
+            told, failed = ahead.wave(wave, proposals, history, records)
         else:
+            assert callable(ask)
             found = ask([p.waveform for p in proposals], wave.n_switches)
-            told, failed = _records(wave, 0, proposals, found), found.failure
+            told, failed = records(0, proposals, found), found.failure
         history += told
         failure = failure or failed
         if wave.index == 0 and not any(o.usable for o in history):
@@ -54,51 +56,6 @@ def find_basins(config: CampaignConfig, ask: Ask | Asking) -> Basins:
         n_tried=len(history),
         failure="" if best else failure or "no waveform has a value on the prior",
     )
-
-
-def _asked_ahead(
-    problem: Problem,
-    wave: Wave,
-    proposals: Sequence[Proposal],
-    history: Sequence[Observation],
-    asking: Asking,
-    begun: dict[bytes, Any],
-) -> tuple[list[Observation], str]:
-    """The records of a wave, and why waveforms have no value; the next generation of each descent is asked for as soon
-    as its own values are there.
-
-    begun: questions that were asked ahead, by their waveforms. What is proposed is not taken from there, so that it
-    is what it would be without looking ahead.
-    """
-    following = NextGenerations(problem, wave, history)
-    each = wave.size // following.n_shares
-    shares = [(i, proposals[i : i + each]) for i in range(0, wave.size, each)]
-    questions = []
-    for _, share in shares:
-        waveforms = [p.waveform for p in share]
-        question = begun.pop(_key(waveforms), None)
-        if question is None:
-            question = asking.begin(waveforms, wave.n_switches, beside=len(shares))
-        questions.append(question)
-    told: list[Observation] = []
-    failure = ""
-    for number, ((first, share), question) in enumerate(zip(shares, questions, strict=True)):
-        found = asking.wait(question)
-        own = _records(wave, first, share, found)
-        if following.are_known:
-            try:
-                waveforms = problem.space.waveforms(following.points(number, own))
-            except Exception:  # the wave itself meets it again, and says what is proposed instead
-                problem.descents.clear()
-            else:
-                begun[_key(waveforms)] = asking.begin(waveforms, wave.n_switches, beside=len(shares))
-        told += own
-        failure = failure or found.failure
-    return told, failure
-
-
-def _key(waveforms: Sequence[Waveform]) -> bytes:
-    return b"".join(w.rows().tobytes() for w in waveforms)
 
 
 def _records(wave: Wave, first: int, proposals: Sequence[Proposal], found: PriorValues) -> list[Observation]:

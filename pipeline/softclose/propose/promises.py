@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol
 
 from softclose.arrays import FloatArray
 from softclose.waveform import Waveform
@@ -27,19 +27,6 @@ class PriorValues:
 
 Ask = Callable[[Sequence[Waveform], int], PriorValues]
 """Who evaluates waveforms on so many switches of the prior: this process, or workers."""
-
-
-@runtime_checkable
-class Asking(Protocol):
-    """Who evaluates waveforms beside whoever asks: by workers."""
-
-    def begin(self, waveforms: Sequence[Waveform], n_switches: int, *, beside: int = 1) -> Any:
-        """Ask; the answer is waited for by what this returns. beside: questions as large that are asked together."""
-        ...
-
-    def wait(self, question: Any) -> PriorValues:
-        """The answer."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from softclose.evaluate import judge
@@ -18,6 +19,10 @@ from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import Campaign
 from softclose_workflows.analyses.drive_off import DriveOff
+from softclose_workflows.run.executors.placement import n_cores
+
+AT_ONCE = 4
+"""Designs that are assessed at the same time, at most: of a million switches each takes some 100 MB meanwhile."""
 
 
 class CertifyError(ValueError):
@@ -157,10 +162,9 @@ def assemble(
 ) -> Certification:
     """The certification of waveforms, by name, from their responses; candidates come out best first."""
     table = campaign.records()
-    candidates: list[Certified] = []
-    references: list[Certified] = []
-    for name, waveform in waveforms.items():
-        i = candidate_of(name)
+
+    def certified(name: str) -> Certified:
+        i, response = candidate_of(name), responses[name]
         training = None
         if i is not None:
             training = Training(
@@ -169,19 +173,24 @@ def assemble(
                 p_nc=float(table["p_nc"][i]),
                 n_switches=int(table["n_switches"][i]),
             )
-        assessment = assess_fresh(responses[name], config)
-        certified = Certified(
+        assessment = assess_fresh(response, config)
+        found = Certified(
             name=name,
             candidate=i,
-            waveform=waveform,
-            response=responses[name],
+            waveform=waveforms[name],
+            response=response,
             assessment=assessment,
             training=training,
-            values=told(config, responses[name], assessment, fresh=True),
-            contacts=contacts(config, responses[name], assessment, fresh=True),
+            values=told(config, response, assessment, fresh=True),
+            contacts=contacts(config, response, assessment, fresh=True),
         )
-        put_judged_aside(responses[name])
-        (references if i is None else candidates).append(certified)
+        put_judged_aside(response)
+        return found
+
+    with ThreadPoolExecutor(min(AT_ONCE, n_cores())) as pool:  # sorting a million values holds no lock
+        designs = list(pool.map(certified, waveforms))
+    candidates = [design for design in designs if design.candidate is not None]
+    references = [design for design in designs if design.candidate is None]
     # Ties stay in the order of the campaign, so that the order depends on nothing but the candidates.
     candidates.sort(key=lambda d: (d.assessment.rank_cm_s, d.candidate))
     return Certification(request=request, candidates=tuple(candidates), references=tuple(references))

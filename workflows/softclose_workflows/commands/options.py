@@ -11,10 +11,12 @@ import click
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def placement_options(command: Callable[..., Any], usual: str = "one per core") -> Callable[..., Any]:
+def placement_options(
+    command: Callable[..., Any], usual: str = "one per core", *, has_workers: bool = True
+) -> Callable[..., Any]:
     """--workers, --scheduler, --cluster, --serial … handed to the command as one `placement`.
 
-    usual: what is used where none of them is given.
+    usual: what is used where none of them is given. has_workers: whether that is a local cluster.
     """
 
     @functools.wraps(command)
@@ -28,6 +30,11 @@ def placement_options(command: Callable[..., Any], usual: str = "one per core") 
         patience: float,
         **options: Any,
     ) -> Any:
+        is_local = has_workers and not (scheduler or cluster or serial or options.get("dry_run"))
+        if workers is not None or is_local:
+            from softclose_workflows.run.forking import start_ahead
+
+            start_ahead()  # before our own imports, which take as long
         from softclose_workflows.run.executors import Placement
         from softclose_workflows.run.executors.cluster_file import load_cluster
 
@@ -69,7 +76,7 @@ def placement_options(command: Callable[..., Any], usual: str = "one per core") 
 
 def crew_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options of `placement_options` for a command that uses threads of this process where nothing is said."""
-    return placement_options(command, usual="threads of this process, one per core")
+    return placement_options(command, usual="threads of this process, one per core", has_workers=False)
 
 
 def quiet_option(command: Command) -> Command:

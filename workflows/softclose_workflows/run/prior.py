@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.propose.prior import Prior
+from softclose.propose.prior import Prior, prior_config
 from softclose.propose.prior_basins import find_basins
-from softclose.propose.promises import Ask, Asking, Basins, PriorError, PriorValues
+from softclose.propose.promises import Ask, Basins, PriorError, PriorValues
+from softclose.propose.protocol import Problem
+from softclose.propose.stretches import Asking, Generation, Stretch, run_stretch
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
 from softclose_store import DamageError, GroupArray, StoreMissingError, faults, open_campaign, read_group, write_group
@@ -69,6 +71,42 @@ class PriorTask:
         return _prior_of(self.store, self.fingerprint).values(waveforms, self.n_switches)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StretchTask:
+    """A descent on the prior for one worker to run on; nothing of it is stored."""
+
+    store: str
+    """Path or URL of the campaign's store."""
+    fingerprint: str
+    """The campaign that the store has to hold."""
+    stretch: Stretch
+    first: int = 0
+    """The only task of its question."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return f"{self.stretch.n_generations} generations of a descent on the prior"
+
+    @property
+    def key(self) -> str:
+        """For the scheduler."""
+        descent = self.stretch.descent
+        return f"{descent.beginning.stream}-{descent.beginning.who}-{len(descent.told)}"
+
+    def run(self) -> list[Generation]:
+        """Run it on, in whichever process: one that had the stretch before goes on from there."""
+        prior = _prior_of(self.store, self.fingerprint)
+        return run_stretch(_descents_of(self.store, self.fingerprint), prior.values, self.stretch)
+
+
+@lru_cache(maxsize=2)
+def _descents_of(store: str, fingerprint: str) -> Problem:
+    from softclose_workflows.run.tasks import campaign_of
+
+    return Problem(prior_config(campaign_of(store, fingerprint)[0]))
+
+
 @lru_cache(maxsize=2)
 def _prior_of(store: str, fingerprint: str) -> Prior:
     from softclose_workflows.run.tasks import campaign_of
@@ -98,18 +136,18 @@ class Found:
 
 @dataclass(slots=True, eq=False)
 class PriorQuestion:
-    """Waveforms that workers evaluate."""
+    """What workers evaluate: waveforms, or a stretch of a descent."""
 
     n_switches: int
-    """Of the prior, under each."""
-    tasks: list[PriorTask]
+    """Of the prior, under each waveform."""
+    tasks: Sequence[PriorTask | StretchTask]
     retries: Retries
-    found: dict[int, PriorValues] = field(default_factory=dict)
-    """What has come back, by the first waveform of its task."""
+    found: dict[int, Any] = field(default_factory=dict)
+    """What has come back, by `first` of its task."""
 
     @property
     def values(self) -> PriorValues:
-        """The whole answer, once all of it has come back."""
+        """Of waveforms: the whole answer, once all of it has come back."""
         parts = [self.found[first] for first in sorted(self.found)]
         return PriorValues(
             g_cm_s=np.concatenate([part.g_cm_s for part in parts]) if parts else np.empty(0),
@@ -160,14 +198,14 @@ class PriorAtWork:
 
     def begin(self, waveforms: Sequence[Waveform], n_switches: int | None = None, *, beside: int = 1) -> PriorQuestion:
         """Send waveforms to the workers; `beside` questions as large are under way together."""
-        if self._finding is not None:
-            faults.point("finding-basins")
         each_of = self.config.prior.n_switches if n_switches is None else n_switches
         n, n_workers = len(waveforms), max(self.executor.n_workers, 1)
         largest = max(math.ceil(n * beside / (2 * n_workers)), math.ceil(LEAST_IN_A_TASK / each_of))
         n_tasks = math.ceil(n / largest)
+        if n_tasks > n_workers:  # as many for each: who has one more keeps the others waiting
+            n_tasks -= n_tasks % n_workers
         ends = [round(n * k / n_tasks) for k in range(n_tasks + 1)] if n else []
-        question = PriorQuestion(
+        return self._begin(
             each_of,
             [
                 PriorTask(
@@ -179,15 +217,49 @@ class PriorAtWork:
                 )
                 for first, end in itertools.pairwise(ends)
             ],
-            Retries(self.executor.submit),
         )
-        for task in question.tasks:
+
+    def begin_stretch(self, stretch: Stretch) -> PriorQuestion:
+        """Have a worker run a descent on."""
+        task = StretchTask(store=self.store, fingerprint=self.fingerprint, stretch=stretch)
+        return self._begin(stretch.n_switches, [task])
+
+    def _begin(self, n_switches: int, tasks: Sequence[PriorTask | StretchTask]) -> PriorQuestion:
+        if self._finding is not None:
+            faults.point("finding-basins")
+        question = PriorQuestion(n_switches, tasks, Retries(self.executor.submit))
+        for task in tasks:
             self._asked[id(task)] = question
             self.executor.submit(task)
         return question
 
+    @property
+    def n_elsewhere(self) -> int:
+        """Workers."""
+        return self.executor.n_workers
+
     def wait(self, question: PriorQuestion) -> PriorValues:
         """The answer to a question; what comes of others meanwhile is kept for them."""
+        self._complete(question)
+        values = question.values
+        self._tell(values, question)
+        return values
+
+    def wait_stretch(self, question: PriorQuestion) -> list[Generation]:
+        """The generations of a stretch; what comes of other questions meanwhile is kept for them."""
+        self._complete(question)
+        run: list[Generation] = question.found[0]
+        for generation in run:
+            self._tell(generation.values, question)
+        return run
+
+    def _tell(self, values: PriorValues, question: PriorQuestion) -> None:
+        if self._finding is not None:
+            self._finding = self._finding.after(values.g_cm_s, question.n_switches)
+            self.told(self._finding)
+
+    def _complete(self, question: PriorQuestion) -> None:
+        """Wait until all of an answer has come back."""
         while len(question.found) < len(question.tasks):
             event = self.executor.next_event(POLL_S)
             if self._finding is not None and self.stop:
@@ -198,27 +270,21 @@ class PriorAtWork:
             if event is None:
                 continue
             done, outcome = event
-            if not isinstance(done, PriorTask):
+            if not isinstance(done, PriorTask | StretchTask):
                 self.receive(event)
                 continue
             owner = self._asked.get(id(done))
             if owner is None or not any(done is own for own in owner.tasks):
                 continue  # of a proposal that was given up
-            if isinstance(outcome, PriorValues):
+            if not isinstance(outcome, BaseException):
                 owner.found[done.first] = outcome
                 continue
-            assert isinstance(outcome, BaseException)
             try:
                 owner.retries.again(done, outcome)
             except Stopped as e:
                 raise PriorError from e
         for task in question.tasks:
             self._asked.pop(id(task), None)
-        values = question.values
-        if self._finding is not None:
-            self._finding = self._finding.after(values.g_cm_s, question.n_switches)
-            self.told(self._finding)
-        return values
 
 
 @dataclass(slots=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ipaddress
 import logging
+import os
 import queue
 import socket
 import threading
@@ -20,6 +21,7 @@ from softclose import ALGORITHM
 from softclose_workflows.errors import ExecutorError, Stopped
 from softclose_workflows.run.executors.protocol import Contact, Event, Task, run_task
 from softclose_workflows.run.faults import MAX_TRIES
+from softclose_workflows.run.forking import ALLOCATOR, METHOD, start_ahead
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -230,14 +232,6 @@ class DaskExecutor:
             self._refill(self._wanted)
 
 
-ALLOCATOR = {"MALLOC_TRIM_THRESHOLD_": 2**28, "MALLOC_MMAP_THRESHOLD_": 2**25}
-"""Environment of a local worker's C library [bytes].
-
-Blocks of one size follow each other: memory that is handed back after each is fetched and cleared again page by page, a
-quarter of a large block's time. Dask hands back all above 64 KiB.
-"""
-
-
 WATCHING: dict[str, object] = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
@@ -253,12 +247,17 @@ hundred times a second, for a dashboard, and takes a tenth of a core for it whet
 def configure() -> None:
     """Dask's settings for every cluster of ours, and all of it imported."""
     import dask
-    import distributed  # noqa: F401
+    import distributed.utils
 
+    if (
+        METHOD == "forkserver"
+    ):  # what is loaded ahead is ours to say: Dask would import here whatever it finds installed
+        distributed.utils._forkserver_preload_set = True
     dask.config.set(
         {
             "distributed.scheduler.allowed-failures": MAX_TRIES,
             **WATCHING,
+            "distributed.worker.multiprocessing-method": METHOD,
             **{f"distributed.nanny.pre-spawn-environ.{name}": size for name, size in ALLOCATOR.items()},
             # Blocks are long and few: stealing and work queueing buy nothing, a quick restart does.
             "distributed.comm.timeouts.connect": "10s",
@@ -283,6 +282,7 @@ def configure() -> None:
 @contextlib.contextmanager
 def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
     """A cluster of this machine's processes, for the length of a `with` block."""
+    start_ahead()
     configure()
     from distributed import Client, LocalCluster
 
@@ -300,6 +300,7 @@ def local_cluster(workers: int, patience_s: float) -> Iterator[DaskExecutor]:
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address=None,
             silence_logs=SILENT,
+            env=dict(os.environ),  # as it is now, not as it was when the process began that they are forked from
         )
     except (RuntimeError, OSError, TimeoutError) as e:
         reason: BaseException = e
