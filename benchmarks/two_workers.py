@@ -10,6 +10,7 @@ time is of the command and all its children; memory is the largest resident set 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import os
 import statistics
 import subprocess
@@ -53,10 +54,17 @@ def measured(arguments: list[str], store: Path, *, runs: bool) -> Took:
     process = subprocess.Popen(command(*arguments), stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)  # with its children, which it has waited for
     wall = time.perf_counter() - began
+    cpu, peak = usage.ru_utime + usage.ru_stime, usage.ru_maxrss
+    while True:  # the process that workers are forked from is left behind, and ends by itself
+        try:
+            _, _, usage = os.wait4(-1, 0)
+        except ChildProcessError:
+            break
+        cpu, peak = cpu + usage.ru_utime + usage.ru_stime, max(peak, usage.ru_maxrss)
     if status:
         raise SystemExit(f"{' '.join(arguments)} ended with {os.waitstatus_to_exitcode(status)}")
     spent = open_campaign(store).runtime["runs"][-1]["spent"] if runs else {}
-    return Took(wall, spent.get("wall", float("nan")), usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+    return Took(wall, spent.get("wall", float("nan")), cpu, peak / 1024)
 
 
 def campaign(preset: str, settings: tuple[str, ...], where: tuple[str, ...], folder: Path) -> Took:
@@ -75,7 +83,12 @@ def certificate(switches: int, where: tuple[str, ...], folder: Path) -> Took:
     return measured(arguments, store, runs=False)
 
 
+PR_SET_CHILD_SUBREAPER = 36
+"""Of prctl(2): what descendants leave behind is handed to this process."""
+
+
 def main() -> None:
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     whole = ["current-three", "current-trim", "current-amplifier"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=3)

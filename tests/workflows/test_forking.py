@@ -1,4 +1,4 @@
-"""Claims about the process that local workers are forked from: it imports for all of them, and hands nothing else on."""
+"""Claims about the process that local workers are forked from: it imports for all of them and hands nothing else on."""
 
 from __future__ import annotations
 
