@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from examples import examples, is_whole
 from not_run import (  # noqa: F401 - hooks of pytest
@@ -20,6 +21,9 @@ from not_run import (  # noqa: F401 - hooks of pytest
 )
 from programs import require
 
+# Examples are a function of the test: by default they take constants out of whichever modules of ours are loaded, and
+# differ from process to process and with every line of code.
+providers._get_local_constants = lambda: providers._local_constants  # type: ignore[attr-defined]
 # A deadline is a claim about the machine: on a busy one the same example passes the next time.
 settings.register_profile("softclose", deadline=None, max_examples=examples(100))
 settings.load_profile("softclose")

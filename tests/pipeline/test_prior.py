@@ -238,8 +238,10 @@ class Elsewhere:
         self.bowl, self.begun, self.waited, self.most, self.ahead = Bowl(config, **bowl), {}, 0, 0, 0
         self.has_waited, self.n_elsewhere = False, n_elsewhere
         self.stretches, self.problems = [], [Problem(prior_config(config)) for _ in range(n_elsewhere)]
+        self.dealt = []
 
     def begin(self, waveforms, n_switches, *, beside=1):
+        self.dealt.append((len(waveforms), beside))
         return self._begin((list(waveforms), n_switches))
 
     def begin_stretch(self, stretch):
@@ -303,12 +305,31 @@ def test_workers_run_descents_by_themselves_and_the_basins_are_the_same(prior, m
     assert any(s.descent.beginning.goes_on_at for s in workers.stretches) == ("polish" in prior)
 
 
+@pytest.mark.parametrize(
+    ("worth", "lengths"),
+    [
+        # Six points on 16 switches: 33 generations each, then 66 of the better one; on 32 switches 18, then 36.
+        (10**6, [33, 33, 66, 18, 18, 36]),
+        (960, [*[11] * 6, 10, 10, 10, 9, 9, 9, 9, *[5] * 4, *[4] * 4, 6, *[5] * 6]),
+    ],
+)
+def test_every_whole_generation_is_of_a_stretch(worth, lengths, monkeypatch):
+    monkeypatch.setattr(stretches, "WORTH", worth)
+    monkeypatch.setattr(stretches, "UNHURRIED", 1)
+    workers = Elsewhere(config := config_of(prior={"budget": 804, "polish": 440}), 2)
+    assert_same(find_basins(config, Bowl(config).values), find_basins(config, workers))
+    assert [s.n_generations for s in workers.stretches] == lengths
+    assert workers.dealt == [(12, 1), (8, 1)], "scouts, and the basins again"
+
+
 def test_a_generation_that_is_worth_dealing_out_is_not_left_to_one_worker(monkeypatch):
     config = config_of(prior={"budget": 400})
     monkeypatch.setattr(asked_ahead, "WORTH", 1)
     workers = Elsewhere(config, 2)
     find_basins(config, workers)
     assert not workers.stretches
+    assert (6, 2) in workers.dealt
+    assert (6, 1) in workers.dealt
 
 
 def assert_same(found, same):
