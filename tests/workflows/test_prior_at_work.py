@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from collections import deque
 from pathlib import Path
@@ -23,7 +24,7 @@ from softclose_workflows.run.campaign import Driver, Progress
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.serial import SerialExecutor
 from softclose_workflows.run.faults import MAX_TRIES
-from softclose_workflows.run.prior import GROUP, PriorAtWork, PriorTask, read_basins
+from softclose_workflows.run.prior import GROUP, LEAST_IN_A_TASK, PriorAtWork, PriorTask, Told, read_basins
 from softclose_workflows.run.stopping import StopRequest
 from stores import differences
 
@@ -175,7 +176,8 @@ class Failing:
             self.left -= 1
             self.events.append((task, self.failure))
         else:
-            self.events.append((task, PriorValues(g_cm_s=np.arange(float(len(task.waveforms))) + task.first)))
+            values = PriorValues(g_cm_s=np.arange(float(len(task.waveforms))) + task.first)
+            self.events.append((task, Told(values, 0.25)))
 
     def next_event(self, timeout_s: float) -> object:
         return self.events.popleft() if self.events else None
@@ -192,8 +194,11 @@ def some_waveforms(n: int) -> list[object]:
 
 
 def test_a_task_is_tried_again_and_results_come_back_in_the_order_asked_for() -> None:
-    found = asking(Failing(MAX_TRIES - 1, RuntimeError("gone")), []).values(some_waveforms(60))
+    prior = asking(Failing(MAX_TRIES - 1, RuntimeError("gone")), [])
+    found = prior.values(some_waveforms(60))
     np.testing.assert_array_equal(found.g_cm_s, np.arange(60.0))
+    assert prior.took.worked_s == 0.25 * math.ceil(60 * 24 / LEAST_IN_A_TASK)
+    assert 0.0 < prior.took.waited_s < 1.0
 
 
 def test_questions_are_answered_whichever_is_waited_for_first() -> None:

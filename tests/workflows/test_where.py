@@ -41,7 +41,7 @@ def test_what_is_told_is_what_was_spent_and_adds_up_over_runs(tmp_path: Path) ->
     assert both.simulate == pytest.approx(first.simulate + spent.simulate, abs=2e-3)
     assert both.compress + both.write == pytest.approx(first.compress + first.write + spent.store, abs=4e-3)
     # One worker, and one process: its blocks and the driver's own work fill the time.
-    parts = both.propose + both.dispatch + both.assess + both.commit + both.wait
+    parts = both.propose + both.await_prior + both.dispatch + both.assess + both.commit + both.wait
     assert 0.8 * both.wall <= parts <= 1.001 * both.wall + 0.01
     assert both.simulate + both.compress + both.write <= both.wait + 0.01
     assert both.worker == pytest.approx(both.wall, abs=0.01)
@@ -50,6 +50,23 @@ def test_what_is_told_is_what_was_spent_and_adds_up_over_runs(tmp_path: Path) ->
     shown = CliRunner().invoke(main, ["status", path, "--where"]).output
     assert "2 runs" in shown
     assert "waiting for a task" in shown
+
+
+def test_the_prior_is_no_idleness_of_workers_and_no_proposing_of_the_driver(tmp_path: Path) -> None:
+    path = make_campaign(
+        tmp_path / "a.zarr", *COARSE, "optimiser.engine=skopt", "prior.model=single-mode", "prior.budget=400", run=False
+    )
+    _run(path, None)
+    found = where(path)
+    assert 0.0 < found.prior <= found.await_prior + 0.01
+    assert found.await_prior + found.propose <= found.wall
+    parts = found.propose + found.await_prior + found.dispatch + found.assess + found.commit + found.wait
+    assert 0.8 * found.wall <= parts <= 1.001 * found.wall + 0.01
+    assert found.idle == pytest.approx(
+        found.worker - found.simulate - found.compress - found.write - found.prior, abs=1e-9
+    )
+    shown = CliRunner().invoke(main, ["status", path, "--where"]).output
+    assert "waiting for the prior" in shown
 
 
 def test_a_run_that_was_killed_says_nothing() -> None:

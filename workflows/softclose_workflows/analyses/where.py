@@ -24,8 +24,12 @@ class Where:
     """Of the workers in digests and compression."""
     write: float = 0.0
     """Of the workers waiting for the disk or the service."""
+    prior: float = 0.0
+    """Of the workers on the prior: descents to its basins, and what proposals look at."""
     propose: float = 0.0
-    """Of the driver."""
+    """Of the driver, without waiting for the prior."""
+    await_prior: float = 0.0
+    """Of the driver, waiting for the prior; in a run in one process it is evaluated meanwhile."""
     dispatch: float = 0.0
     """Of the driver, cutting waves into tasks, sending them, and receiving results."""
     assess: float = 0.0
@@ -40,7 +44,7 @@ class Where:
     @property
     def idle(self) -> float:
         """Of the workers, waiting for a task."""
-        return max(self.worker - self.simulate - self.compress - self.write, 0.0)
+        return max(self.worker - self.simulate - self.compress - self.write - self.prior, 0.0)
 
     def to_json(self) -> dict[str, float]:
         """Plain values."""
@@ -79,9 +83,11 @@ def print_where(path: str, found: Where) -> None:
     for column in ("whose", "where", "seconds", "share"):
         table.add_column(column, justify="right" if column in ("seconds", "share") else "left")
     words = {
-        "workers": (found.worker, {"device model": found.simulate, "digests and compression": found.compress,
-                                   "writing": found.write, "waiting for a task": found.idle}),
-        "driver": (found.wall, {"proposing": found.propose, "tasks and results": found.dispatch,
+        "workers": (found.worker, {"device model": found.simulate, "prior": found.prior,
+                                   "digests and compression": found.compress, "writing": found.write,
+                                   "waiting for a task": found.idle}),
+        "driver": (found.wall, {"proposing": found.propose, "waiting for the prior": found.await_prior,
+                                "tasks and results": found.dispatch,
                                 "judging": found.assess, "committing": found.commit, "waiting for blocks": found.wait}),
     }  # fmt: skip
     for whose, (whole, parts) in words.items():

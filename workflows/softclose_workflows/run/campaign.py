@@ -31,7 +31,7 @@ from softclose_workflows.run.executors import Executor
 from softclose_workflows.run.executors.protocol import Event
 from softclose_workflows.run.faults import Retries
 from softclose_workflows.run.flight import Flight, plan_tasks, recovered
-from softclose_workflows.run.prior import Found, PriorAtWork, PriorOfStore
+from softclose_workflows.run.prior import Found, PriorAtWork, PriorOfStore, Took
 from softclose_workflows.run.stopping import StopRequest
 from softclose_workflows.run.tasks import BlockResult, BlockTask
 
@@ -72,6 +72,11 @@ class Spent:
     """Where this process's time and its workers' went [s]."""
 
     propose: float = 0.0
+    """Without waiting for the prior."""
+    await_prior: float = 0.0
+    """Waiting for the prior, which workers evaluate."""
+    prior: float = 0.0
+    """In the prior, on all workers together."""
     dispatch: float = 0.0
     """Cutting waves into tasks, sending them, and receiving their results."""
     assess: float = 0.0
@@ -119,6 +124,8 @@ class Driver:
     """Largest ensemble so far, and the smallest g on it: training scores on few switches are optimistic."""
     _flights: dict[int, Flight] = field(init=False, default_factory=dict)
     _retries: Retries = field(init=False)
+    _took: Took = field(init=False, default_factory=Took)
+    """What the prior has taken."""
     _n_switches_done: int = field(init=False, default=0)
     _stop_seen: float | None = field(init=False, default=None)
     """When the request to stop was first seen [s]."""
@@ -147,6 +154,7 @@ class Driver:
             self._receive,
             self._report_prior,
             lambda: self.is_busy,
+            self._took,
         )
 
     @property
@@ -172,6 +180,7 @@ class Driver:
                 self.spent.worker += passed * self.executor.n_workers
         finally:
             if self.spent.wall:
+                self.spent.prior, self.spent.await_prior = self._took.worked_s, self._took.waited_s
                 with contextlib.suppress(OSError, StoreError):  # what ended the run is what has to be told
                     self.store.amend_run({"spent": self.spent.to_json()})
 
@@ -207,6 +216,7 @@ class Driver:
         seen = seen_by(wave, self._history)
         pending = [o.waveform for o in self._history[len(seen) :]]
         pending += [p.waveform for w in sorted(self._flights) for p in self._flights[w].proposals]
+        waited = self._took.waited_s
         proposals = self._ask(wave, seen, pending)
         proposed = time.perf_counter()
         tasks = plan_tasks(
@@ -214,7 +224,7 @@ class Driver:
         )
         flight = Flight(wave=wave, proposals=proposals, tasks=tasks, propose_s=proposed - began)
         self._recover(flight)
-        self.spent.propose += proposed - began
+        self.spent.propose += proposed - began - (self._took.waited_s - waited)
         self.spent.dispatch += time.perf_counter() - proposed
         return flight
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -41,6 +42,16 @@ POLL_S = 0.5
 """How often a wait for the prior looks up: for lost workers, for a stop request [s]."""
 
 
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What comes back of a task."""
+
+    answer: Any
+    """PriorValues of waveforms, a list of Generation of a stretch."""
+    took_s: float
+    """Time of the worker [s]."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PriorTask:
     """Waveforms for one worker to evaluate on the prior; nothing of it is stored."""
@@ -65,10 +76,12 @@ class PriorTask:
         """For the scheduler."""
         return f"prior-{self.first}"
 
-    def run(self) -> PriorValues:
+    def run(self) -> Told:
         """Evaluate them, in whichever process."""
+        began = time.perf_counter()
         waveforms = [Waveform.from_rows(rows) for rows in self.waveforms]
-        return _prior_of(self.store, self.fingerprint).values(waveforms, self.n_switches)
+        values = _prior_of(self.store, self.fingerprint).values(waveforms, self.n_switches)
+        return Told(values, time.perf_counter() - began)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,10 +107,12 @@ class StretchTask:
         descent = self.stretch.descent
         return f"{descent.beginning.stream}-{descent.beginning.who}-{len(descent.told)}"
 
-    def run(self) -> list[Generation]:
+    def run(self) -> Told:
         """Run it on, in whichever process: one that had the stretch before goes on from there."""
+        began = time.perf_counter()
         prior = _prior_of(self.store, self.fingerprint)
-        return run_stretch(_descents_of(self.store, self.fingerprint), prior.values, self.stretch)
+        run = run_stretch(_descents_of(self.store, self.fingerprint), prior.values, self.stretch)
+        return Told(run, time.perf_counter() - began)
 
 
 @lru_cache(maxsize=2)
@@ -132,6 +147,16 @@ class Found:
             n_switches=self.n_switches + len(g_cm_s) * n_switches,
             best_g_cm_s=min(self.best_g_cm_s, float(np.min(g_cm_s[np.isfinite(g_cm_s)], initial=math.inf))),
         )
+
+
+@dataclass(slots=True)
+class Took:
+    """What the prior has taken so far."""
+
+    worked_s: float = 0.0
+    """Time of workers [s]."""
+    waited_s: float = 0.0
+    """Time that this process waited [s]; where there is no other it works meanwhile."""
 
 
 @dataclass(slots=True, eq=False)
@@ -170,6 +195,7 @@ class PriorAtWork:
     """Told after every wave of the descents on the prior."""
     is_busy: Callable[[], bool]
     """Whether every worker has a block to compute: what was asked for now would wait behind it."""
+    took: Took = field(default_factory=Took)
     _here: PriorOfStore | None = None
     _finding: Found | None = None
     _asked: dict[int, PriorQuestion] = field(default_factory=dict)
@@ -261,7 +287,9 @@ class PriorAtWork:
     def _complete(self, question: PriorQuestion) -> None:
         """Wait until all of an answer has come back."""
         while len(question.found) < len(question.tasks):
+            began = time.perf_counter()
             event = self.executor.next_event(POLL_S)
+            self.took.waited_s += time.perf_counter() - began
             if self._finding is not None and self.stop:
                 raise PriorError from Stopped(
                     f"{self.stop.signal_name} received while the prior's basins were being found: nothing is committed "
@@ -276,9 +304,11 @@ class PriorAtWork:
             owner = self._asked.get(id(done))
             if owner is None or not any(done is own for own in owner.tasks):
                 continue  # of a proposal that was given up
-            if not isinstance(outcome, BaseException):
-                owner.found[done.first] = outcome
+            if isinstance(outcome, Told):
+                owner.found[done.first] = outcome.answer
+                self.took.worked_s += outcome.took_s
                 continue
+            assert isinstance(outcome, BaseException)
             try:
                 owner.retries.again(done, outcome)
             except Stopped as e:
