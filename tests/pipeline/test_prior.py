@@ -322,6 +322,14 @@ def test_every_whole_generation_is_of_a_stretch(worth, lengths, monkeypatch):
     assert workers.dealt == [(12, 1), (8, 1)], "scouts, and the basins again"
 
 
+@pytest.mark.parametrize(
+    ("trajectories", "left", "is_dealt", "generations"),
+    [(1_000, 40, True, 40), (10_000, 40, True, 4), (10_000, 40, False, 14), (2**20, 5, True, 1), (1, 1, False, 1)],
+)
+def test_a_stretch_is_as_long_as_it_is_worth_a_message(trajectories, left, is_dealt, generations):
+    assert stretches.length(trajectories, left, is_dealt=is_dealt) == generations
+
+
 def test_a_generation_that_is_worth_dealing_out_is_not_left_to_one_worker(monkeypatch):
     config = config_of(prior={"budget": 400})
     monkeypatch.setattr(asked_ahead, "WORTH", 1)
