@@ -78,8 +78,6 @@ def _offspring(problem: Problem, seen: Sequence[Observation], wave: Wave) -> Any
     people = Population.create(
         *(Individual(X=x, F=f, G=none, H=none) for x, f in zip(coordinates, values, strict=True))
     )
-    for person in people:
-        person.evaluated.update({"F", "G", "H"})
     parents = RankAndCrowding().do(cube, people, n_survive=min(GENERATION, len(people)), random_state=draw)
     mating = Mating(
         TournamentSelection(func_comp=binary_tournament),
