@@ -11,7 +11,7 @@ import pytest
 
 import by_hand
 from softclose import Pulse, Waveform
-from softclose.conditions.temperature import heated
+from softclose.conditions.temperature import Temperature, heated
 from softclose.device.device import worst
 from softclose.evaluate import draw, evaluate, respond
 from softclose.settings import ConfigError, load_config
@@ -166,3 +166,43 @@ def test_every_table_is_used_whichever_others_there_are(names: list[str]) -> Non
     changed = {column[name] for name in names}
     for name, expected in changes.items():
         np.testing.assert_allclose(found[name], expected if name in changed else lot[name], rtol=1e-12, err_msg=name)
+
+
+LOT = load_config({}).build_population()
+
+
+@pytest.mark.parametrize(
+    ("travel", "gap", "said"),
+    [
+        ([-0.02, 0.0, LOT.G.lower - LOT.D.upper + 0.01], None, "at 85 °C travels are"),
+        ([-(LOT.D.lower + 0.001), 0.0, 0.03], None, "at -40 °C travels are"),
+        ([-LOT.D.lower, 0.0, 0.03], None, "at -40 °C travels are"),
+        (None, [LOT.D.upper - LOT.G.lower - 0.001, 0.0, 0.03], "at -40 °C travels are"),
+        ([-(LOT.D.lower - 0.001), 0.0, LOT.G.lower - LOT.D.upper - 0.001], None, ""),
+        (None, [LOT.D.upper - LOT.G.lower + 0.001, 0.0, 0.03], ""),
+        ([0.0, 0.0, 0.2], [0.0, 0.0, 0.2], ""),
+    ],
+)
+def test_tables_that_would_close_a_switch_by_themselves_are_refused(
+    travel: list[float] | None, gap: list[float] | None, said: str
+) -> None:
+    settings = TABLES | {"travel_um": travel or [], "gap_um": gap or []}
+    if said:
+        with pytest.raises(ConfigError, match=said):
+            load_config({"temperature": settings})
+    else:
+        load_config({"temperature": settings})
+
+
+def test_one_temperature_is_no_table() -> None:
+    with pytest.raises(ConfigError, match="two or more temperatures, rising"):
+        load_config({"temperature": {"celsius": [20.0], "stiffness": [1.0], "low_C": 20.0, "high_C": 20.0}})
+
+
+def test_what_it_rests_on_is_said() -> None:
+    spread, worst_of_three = config(low_C=-40, high_C=85), config(low_C=-40, high_C=85, worst_of=3)
+    assert Temperature.assumed(load_config({}).temperature) == []
+    assert Temperature.assumed(spread.temperature) == ["Each switch has a temperature of its own from -40 to 85 °C."]
+    assert Temperature.assumed(worst_of_three.temperature) == [
+        "Each switch counts at the worst of 3 temperatures from -40 to 85 °C."
+    ]

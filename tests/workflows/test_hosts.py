@@ -21,7 +21,7 @@ from stores import differences
 pytestmark = pytest.mark.slow
 
 SETTINGS = (
-    "campaign.budget=240",
+    "campaign.budget=120",
     "prior.model=none",
     "campaign.wave=8",
     "population.n_switches=3000",
@@ -119,7 +119,7 @@ def test_a_driver_that_is_cut_off_stops_and_is_resumed(hosts: Hosts, local: Path
     _, said = driver.communicate(timeout=60)
     assert driver.returncode == 3, said
     assert "softclose resume" in said
-    assert 24 <= committed(store) < 240
+    assert 24 <= committed(store) < 120
     hosts.heal("driver")
     again = _drive(hosts, store, address)
     _ends_well(again, store, local)

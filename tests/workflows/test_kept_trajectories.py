@@ -128,13 +128,13 @@ def _rows(rows: Any) -> Any:
 def test_kept_trajectories_of_a_certificate_are_those_of_its_switches(store: Path) -> None:
     path, config = str(store), config_of(store)
     plain = shutil.copytree(store, store.parent / "plain.zarr")
-    found = certify(path, n_switches=300, top=2, store_trajectories=True)
-    certify(str(plain), n_switches=300, top=2)
-    for name, values in read_group(plain, "certification/300-1").arrays.items():
-        np.testing.assert_array_equal(read_group(path, "certification/300-1").arrays[name], values, name)
-    fresh = fresh_switches(config, 300, seed=1)
+    found = certify(path, n_switches=100, top=2, store_trajectories=True)
+    certify(str(plain), n_switches=100, top=2)
+    for name, values in read_group(plain, "certification/100-1").arrays.items():
+        np.testing.assert_array_equal(read_group(path, "certification/100-1").arrays[name], values, name)
+    fresh = fresh_switches(config, 100, seed=1)
     with xr.open_datatree(store, engine="zarr") as tree:
-        kept = tree["trajectories/certification-300-1"].load()
+        kept = tree["trajectories/certification-100-1"].load()
     names = {d.name for d in (*found.candidates, *found.references)}
     assert {str(c.attrs["design"]) for c in kept.children.values() if "release_us" not in c.attrs} == names
     assert sum("release_us" in c.attrs for c in kept.children.values()) == 2
@@ -148,19 +148,19 @@ def test_kept_trajectories_of_a_certificate_are_those_of_its_switches(store: Pat
         assert own["x"].dims == ("fresh_switch", "time")
         assert own["v"].attrs["units"] == "µm/µs"
     before = {f: f.stat().st_mtime_ns for f in (store / "trajectories").rglob("*") if f.is_file()}
-    certify(path, n_switches=300, top=2, store_trajectories=True)
+    certify(path, n_switches=100, top=2, store_trajectories=True)
     assert before == {f: f.stat().st_mtime_ns for f in (store / "trajectories").rglob("*") if f.is_file()}
-    certify(path, n_switches=300, top=3, store_trajectories=True)
-    more = {g for g in list_groups(path) if "certification-300-1/candidate" in g}
-    assert len(more) == len(read_group(path, "certification/300-1").arrays["candidate"]) - len(found.references)
+    certify(path, n_switches=100, top=3, store_trajectories=True)
+    more = {g for g in list_groups(path) if "certification-100-1/candidate" in g}
+    assert len(more) == len(read_group(path, "certification/100-1").arrays["candidate"]) - len(found.references)
 
 
 def test_a_certificate_that_is_there_gets_its_trajectories(store: Path) -> None:
     path = str(store)
-    certify(path, n_switches=300, top=2)
-    assert not [g for g in list_groups(path) if "certification-300" in g]
-    certify(path, n_switches=300, top=2, store_trajectories=True)
-    assert len([g for g in list_groups(path) if "certification-300" in g]) >= 5
+    certify(path, n_switches=100, top=2)
+    assert not [g for g in list_groups(path) if "certification-100" in g]
+    certify(path, n_switches=100, top=2, store_trajectories=True)
+    assert len([g for g in list_groups(path) if "certification-100" in g]) >= 5
 
 
 def test_a_race_keeps_every_racer_on_the_switches_that_it_ran_on(store: Path) -> None:
@@ -177,9 +177,9 @@ def test_two_workers_keep_the_same_bits_as_this_process(finished: Path, tmp_path
     run(tmp_path / "b.zarr", *SETTINGS, workers="--workers 2")
     assert differences(finished, tmp_path / "b.zarr") == []
     one = Path(shutil.copytree(finished, tmp_path / "a.zarr"))
-    certify(str(one), n_switches=300, top=1, store_trajectories=True)
+    certify(str(one), n_switches=100, top=1, store_trajectories=True)
     with open_crew(Placement(workers=2), store=str(tmp_path / "b.zarr")) as crew:
-        certify(str(tmp_path / "b.zarr"), n_switches=300, top=1, store_trajectories=True, mapper=crew)
+        certify(str(tmp_path / "b.zarr"), n_switches=100, top=1, store_trajectories=True, mapper=crew)
     assert differences(one, tmp_path / "b.zarr") == []
 
 
@@ -202,7 +202,7 @@ def test_a_run_killed_as_it_keeps_trajectories_resumes_to_the_same_store(
 
 def test_damaged_trajectories_are_computed_again_bit_for_bit(store: Path) -> None:
     path = str(store)
-    certify(path, n_switches=300, top=1, store_trajectories=True)
+    certify(path, n_switches=100, top=1, store_trajectories=True)
     groups = [g for g in list_groups(path) if g.startswith("trajectories/")]
     assert len(groups) >= 6
     for k, group in enumerate(groups, 1):
@@ -224,7 +224,7 @@ def test_damaged_trajectories_are_computed_again_bit_for_bit(store: Path) -> Non
 def test_groups_of_nothing_are_not_computed_again(finished: Path) -> None:
     again = recompute().group
     assert again is not None
-    for name in ("trajectories/certification-300-1/candidate-99", "trajectories/certification-300-1/nothing"):
+    for name in ("trajectories/certification-100-1/candidate-99", "trajectories/certification-100-1/nothing"):
         assert "delete that group" in again(str(finished), name, None)
     assert "delete that group" in again(str(finished), "trajectories/certification-x/unshaped", None)
 
@@ -283,7 +283,7 @@ def test_bytes_are_said_before_with_all_that_is_kept(store: Path) -> None:
     measured = sum(f.stat().st_size for f in (store / "trajectories").rglob("*") if f.is_file() and f.name.isdigit())
     config = config_of(store)
     assert 0.2 < measured / (needs.n_beside(config) * needs.motion_bytes(config)) < 5.0
-    told = softclose("certify", str(store), "--switches", "300", "--top", "1", "--store-trajectories", "--threads", "1")
+    told = softclose("certify", str(store), "--switches", "100", "--top", "1", "--store-trajectories", "--threads", "1")
     assert "the trajectories will take up to" in told.stderr
 
 
