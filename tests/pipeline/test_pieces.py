@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from examples import examples
 from softclose.baselines import deterministic_design
 from softclose.device import cost
 from softclose.evaluate import draw, respond
-from softclose.evaluate.pieces import Sent, Work, here, light, respond_to_all, rows_of_pieces
+from softclose.evaluate.pieces import MANY, Sent, Work, here, light, respond_to_all, rows_of_pieces
 from softclose.settings import load_config
 
 PLAIN, SMALL = load_config("current"), ["population.n_switches=64"]
@@ -30,12 +30,21 @@ def sent_off(function: Callable[[Any], Any], pieces: Iterable[Any], /) -> Iterat
 
 
 @settings(max_examples=examples(40), deadline=None)
+@example(30_000, 12, LOSSY)
 @given(st.integers(1, 30_000), st.integers(1, 12), st.sampled_from([PLAIN, LOSSY]))
 def test_pieces_cover_every_row_once_and_in_order(n: int, n_waveforms: int, config: Any) -> None:
     pieces = rows_of_pieces(config, n, n_waveforms=n_waveforms)
     assert [*itertools.chain(*pieces)] == [*range(n)]
-    most = max(cost.PIECE_S, cost.SLOW_ROWS * config.seconds_a_switch * n_waveforms)
-    assert all(len(rows) * config.seconds_a_switch * n_waveforms <= most for rows in pieces)
+    each = config.seconds_a_switch * n_waveforms
+    most, large = (max(s, cost.SLOW_ROWS * each) for s in (cost.PIECE_S, cost.LARGE_PIECE_S))
+    for rows in pieces:
+        assert len(rows) * each <= most or (len(pieces) >= MANY and len(rows) * each <= large)
+
+
+@pytest.mark.parametrize(("n", "n_waveforms", "longest"), [(10**6, 12, 0.2), (10**5, 12, 0.05), (10**5, 1, 0.05)])
+def test_large_work_has_larger_pieces(n: int, n_waveforms: int, longest: float) -> None:
+    rows = rows_of_pieces(PLAIN, n, n_waveforms=n_waveforms)[0]
+    assert 0.75 * longest < len(rows) * PLAIN.seconds_a_switch * n_waveforms <= longest
 
 
 def test_what_costs_more_is_cut_finer() -> None:

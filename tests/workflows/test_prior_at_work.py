@@ -24,7 +24,7 @@ from softclose_workflows.run.campaign import Driver, Progress
 from softclose_workflows.run.creation import create_store
 from softclose_workflows.run.executors.serial import SerialExecutor
 from softclose_workflows.run.faults import MAX_TRIES
-from softclose_workflows.run.prior import GROUP, LEAST_IN_A_TASK, PriorAtWork, PriorTask, Told, read_basins
+from softclose_workflows.run.prior import GROUP, LEAST_IN_A_TASK, PriorAnswer, PriorAtWork, PriorTask, read_basins
 from softclose_workflows.run.stopping import StopRequest
 from stores import differences
 
@@ -177,7 +177,7 @@ class Failing:
             self.events.append((task, self.failure))
         else:
             values = PriorValues(g_cm_s=np.arange(float(len(task.waveforms))) + task.first)
-            self.events.append((task, Told(values, 0.25)))
+            self.events.append((task, PriorAnswer(values, 0.25)))
 
     def next_event(self, timeout_s: float) -> object:
         return self.events.popleft() if self.events else None

@@ -43,7 +43,7 @@ POLL_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class PriorAnswer:
     """What comes back of a task."""
 
     answer: Any
@@ -76,12 +76,12 @@ class PriorTask:
         """For the scheduler."""
         return f"prior-{self.first}"
 
-    def run(self) -> Told:
+    def run(self) -> PriorAnswer:
         """Evaluate them, in whichever process."""
         began = time.perf_counter()
         waveforms = [Waveform.from_rows(rows) for rows in self.waveforms]
         values = _prior_of(self.store, self.fingerprint).values(waveforms, self.n_switches)
-        return Told(values, time.perf_counter() - began)
+        return PriorAnswer(values, time.perf_counter() - began)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,12 +107,12 @@ class StretchTask:
         descent = self.stretch.descent
         return f"{descent.beginning.stream}-{descent.beginning.who}-{len(descent.told)}"
 
-    def run(self) -> Told:
+    def run(self) -> PriorAnswer:
         """Run it on, in whichever process: one that had the stretch before goes on from there."""
         began = time.perf_counter()
         prior = _prior_of(self.store, self.fingerprint)
         run = run_stretch(_descents_of(self.store, self.fingerprint), prior.values, self.stretch)
-        return Told(run, time.perf_counter() - began)
+        return PriorAnswer(run, time.perf_counter() - began)
 
 
 @lru_cache(maxsize=2)
@@ -192,7 +192,7 @@ class PriorAtWork:
     receive: Callable[[tuple[Any, Any]], None]
     """Takes what comes back meanwhile: the blocks of waves that are in flight."""
     told: Callable[[Found], None]
-    """Told after every wave of the descents on the prior."""
+    """PriorAnswer after every wave of the descents on the prior."""
     is_busy: Callable[[], bool]
     """Whether every worker has a block to compute: what was asked for now would wait behind it."""
     took: Took = field(default_factory=Took)
@@ -304,7 +304,7 @@ class PriorAtWork:
             owner = self._asked.get(id(done))
             if owner is None or not any(done is own for own in owner.tasks):
                 continue  # of a proposal that was given up
-            if isinstance(outcome, Told):
+            if isinstance(outcome, PriorAnswer):
                 owner.found[done.first] = outcome.answer
                 self.took.worked_s += outcome.took_s
                 continue
