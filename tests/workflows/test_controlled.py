@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -189,8 +190,20 @@ def test_table_and_page_judge_as_the_records_do(whole: Path) -> None:
     said = next(check for check in health(data) if check.name == "Control variate").said
     assert "1,024 further switches" in said
     assert "rest on both models" in said
+    page = (Path(__file__).parents[2] / "docs" / "measurements" / "coverage.md").read_text("utf-8")
+    rows = re.findall(
+        r"^\| .* \| (\d+) \| [\d.]+, [\d.]+ \| ([\d.]+), .*\|$", page.partition("## A cheap model")[2], re.MULTILINE
+    )
+    means = {n: sorted(float(mean) for size, mean in rows if size == n) for n in ("80", "256")}
+    assert [len(found) for found in means.values()] == [44, 44]
+    assert means["256"][0] >= 0.93
+    least = means["80"][3]  # three are of a group that 80 draws may miss
+    assert f"it was measured to hold {100.0 * least:.0f} % of a stated 95" in said
     columns = data.candidates.columns | {GAIN: np.full(10, 0.95)}
     changed = replace(data, candidates=replace(data.candidates, columns=columns))
+    larger = {"population": replace(data.config.population, n_switches=256)}
+    many = replace(data, config=replace(data.config, prior=replace(data.config.prior, control=2048), **larger))
+    assert "so few switches" not in next(c for c in health(many) if c.name == "Control variate").said
     assert "95\u202f% of that without" in next(c for c in health(changed) if c.name == "Control variate").said
     assert "does not pay" in next(c for c in health(changed) if c.name == "Control variate").said
 
