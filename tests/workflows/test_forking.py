@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,15 @@ def test_workers_have_the_environment_of_now_and_not_of_the_first_cluster(monkey
         assert worker["environment"] == {plugins.ALLOWED: None}, "what was allowed to an earlier run"
 
 
+def environment_of(pid: int) -> list[bytes]:
+    """What a process was begun with; empty while it is only just replacing what it was forked from."""
+    started = time.monotonic()
+    while not (environment := Path(f"/proc/{pid}/environ").read_bytes()):
+        assert time.monotonic() - started < 30, "nothing to read"
+        time.sleep(0.01)
+    return environment.split(b"\0")
+
+
 def test_what_is_allowed_here_is_not_allowed_to_whoever_comes_later(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -66,7 +76,7 @@ def test_what_is_allowed_here_is_not_allowed_to_whoever_comes_later(
     before = dict(os.environ)
     forking.start_ahead()
     assert dict(os.environ) == before
-    environment = Path(f"/proc/{other._forkserver_pid}/environ").read_bytes().split(b"\0")
+    environment = environment_of(other._forkserver_pid)
     assert not any(entry.startswith(b"SOFTCLOSE") for entry in environment)
     assert b"OPENBLAS_NUM_THREADS=1" in environment
     assert f"MALLOC_TRIM_THRESHOLD_={2**28}".encode() in environment
