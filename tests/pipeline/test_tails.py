@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.stats import beta as beta_distribution
 from scipy.stats import chi2, norm
 
 import by_hand
 from softclose import Waveform
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
-from softclose.evaluate.pieces import here
+from softclose.evaluate.pieces import Sent, here
 from softclose.settings import load_config
 from softclose.uncertainty import tails as module
 from softclose.uncertainty.tails import TailError, tail
@@ -120,15 +123,13 @@ def test_a_limit_that_nothing_reaches_costs_no_other_method_its_row(known):
     found = {t.method: t for t in tail(config, DRIVE, "fast", limit_cm_s=13.0, n_switches=10_000)}
     assert list(found) == list(module.METHODS)
     assert found["brute"].interval[0] == found["brute"].probability == 0.0 < found["brute"].interval[1]
-    assert found["subset"].probability == 0.0
+    assert found["subset"].probability == found["subset"].interval[0] == 0.0
+    assert math.isnan(found["subset"].interval[1])
     assert "the lot ends before the limit" in found["subset"].note
     assert all(math.isnan(found[m].probability) and found[m].note for m in ("form", "sorm", "importance"))
 
 
-# The real lot.
-
-
-@pytest.mark.parametrize("failures", [1, 9])
+@pytest.mark.parametrize("failures", [1, 3, 9])
 def test_chains_with_a_variance_below_0_are_drawn_anew_and_cost_no_other_method_its_row(known, monkeypatch, failures):
     """OpenTURNS stops on them, once in some thousand runs."""
     import openturns as ot
@@ -153,10 +154,10 @@ def test_chains_with_a_variance_below_0_are_drawn_anew_and_cost_no_other_method_
     monkeypatch.setattr(module, "_openturns", lambda: _Changed(ot, SubsetSampling=Contrary))
     subset, brute = tail(config, DRIVE, "fast", limit_cm_s=16.0, methods=("subset", "brute"), relative_error=0.3)
     assert brute.interval[0] < norm.sf(3.0) < brute.interval[1]
-    if failures == 1:
-        assert len(runs) == 2
+    assert len(runs) == min(failures, 3) + 1, "drawn anew three times at most"
+    if failures <= 3:
         assert subset.interval[0] < norm.sf(3.0) < subset.interval[1]
-        assert "drawn 2 times" in subset.note
+        assert f"drawn {failures + 1} times" in subset.note
         (once,) = tail(config, DRIVE, "fast", limit_cm_s=16.0, methods=("subset",), relative_error=0.3)
         assert subset.n_switches > once.n_switches, "those drawn in vain were simulated"
     else:
@@ -169,6 +170,224 @@ class _Changed:
 
     def __init__(self, whole, **changes):
         self.__dict__.update(vars(whole), **changes)
+
+
+# Where failures are looked for, and what is told of them.
+
+
+def limited(known, function, limit):
+    """The space of a lot whose V is a function of its coordinates."""
+    return module._Space(known(function), DRIVE, "fast", limit, here)
+
+
+AXIS = np.array([0.5, -0.5, 0.5, 0.5])
+
+
+@pytest.mark.parametrize("beta", [2.5, 4.5])
+def test_on_a_plane_the_failure_that_is_found_first_is_the_most_probable_one(known, beta):
+    """Without a gradient: its distance is the plane's within 2 %, from whichever scouts."""
+    space = limited(known, plane, 10.0 + 2.0 * beta)
+    for seed in range(5):
+        points = module._failure_points(space, seed)
+        distances = np.linalg.norm(points, axis=1)
+        assert (plane(points) > space.threshold).all()
+        assert (np.diff(distances) >= 0.0).all()
+        assert beta < distances[0] < 1.02 * beta
+        assert points[0] @ AXIS / distances[0] > 0.98
+
+
+def test_failures_are_looked_for_ever_further_out_and_found_at_seven_standard_deviations(known):
+    spreads = []
+
+    def never(u):
+        spreads.append(u.std())
+        return np.zeros(len(u))
+
+    assert module._failure_points(limited(known, never, 19.7), 0) is None
+    assert (np.diff(spreads) > 0.3).all()
+    assert len(spreads) > 1
+    (form,) = tail(known(plane), DRIVE, "fast", limit_cm_s=10.0 + 2.0 * 7.0, methods=["form"])
+    assert form.beta == pytest.approx(7.0, abs=1e-3)
+
+
+def test_each_direction_of_failure_has_a_point(known):
+    """Three walls, two of them opposite ones: the search keeps a point on each, at its distance."""
+    distances = np.array([3.0, 3.3, 3.6])
+    ways = np.concatenate([-np.eye(4)[:1], np.eye(4)[:2]])
+
+    def walls(u):
+        return (u @ ways.T - distances).max(axis=1) + 10.0
+
+    for seed in range(3):
+        points = module._failure_points(limited(known, walls, 10.0), seed)
+        found = {int(np.argmax(ways @ p)): float(np.linalg.norm(p)) for p in points[::-1]}
+        np.testing.assert_allclose([found[i] for i in range(3)], distances, rtol=0.02)
+    (form,) = tail(known(walls), DRIVE, "fast", limit_cm_s=10.0, methods=["form"])
+    assert form.beta == pytest.approx(3.0, abs=1e-3), "from the nearest one"
+    assert not form.note
+
+
+def test_what_is_at_the_limit_is_no_failure(known):
+    """A terrace at the limit itself, half as far out as what lies above it."""
+
+    def terrace(u):
+        return np.select([u[:, 0] > 3.0, u[:, 0] > 1.5], [25.0, 19.7], 0.0)
+
+    points = module._failure_points(limited(known, terrace, 19.7), 0)
+    assert (points[:, 0] > 3.0).all()
+    brute, subset = tail(known(terrace), DRIVE, "fast", methods=("brute", "subset"), n_switches=50_000)
+    assert brute.probability < 2.0 * norm.sf(3.0)
+    assert subset.probability < 2.0 * norm.sf(3.0)
+
+
+@pytest.mark.parametrize("way", [AXIS, -AXIS])
+def test_in_a_region_as_thin_as_a_needle_the_way_to_the_origin_is_followed(known, way):
+    """No random step stays in it; its near end is found within 1 %, wherever it points to."""
+
+    def needle(u):
+        return np.where(np.abs(u - np.outer(u @ way, way)).max(axis=1) < 1e-9, u @ way, 0.0)
+
+    space = limited(known, needle, 4.0)
+    for far in (4.001, 4.3, 5.0, 9.0, 40.0):
+        found = module._nearest(space, far * way, np.random.default_rng(0))
+        assert 4.0 < found @ way <= min(far, 4.0 / 0.99)
+
+
+def test_a_search_never_leaves_what_fails_nor_goes_outwards(known):
+    """Where failures are a ball aside of the origin: the nearest is on its near side."""
+    centre = 5.0 * AXIS
+
+    def ball(u):
+        return 2.0 - np.linalg.norm(u - centre, axis=1)
+
+    space = limited(known, ball, 1.0)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        away = rng.standard_normal(4)
+        begin = centre + 0.95 * away / np.linalg.norm(away)
+        found = module._nearest(space, begin, rng)
+        assert ball(found[None])[0] > 1.0
+        assert np.linalg.norm(found) <= np.linalg.norm(begin)
+        assert np.linalg.norm(found) == pytest.approx(4.0, rel=0.03)
+
+
+def test_one_narrow_way_to_fail_is_enough_for_importance_sampling(known):
+    """A cone: no two of its failures count as two directions. Its share of the sphere is (a - sin a cos a) / pi."""
+    half, beyond = math.radians(18.0), 3.0
+
+    def cone(u):
+        r = np.linalg.norm(u, axis=1)
+        return np.where(u @ AXIS > math.cos(half) * r, r, 0.0)
+
+    assert len(module._failure_points(limited(known, cone, beyond), 0)) == 1
+    truth = chi2.sf(beyond**2, 4) * (half - math.sin(half) * math.cos(half)) / math.pi
+    (found,) = tail(known(cone), DRIVE, "fast", limit_cm_s=beyond, methods=["importance"])
+    assert found.probability == pytest.approx(truth, rel=0.15)
+
+
+def test_near_failures_are_drawn_most_and_none_is_left_out(known, monkeypatch):
+    import openturns as ot
+
+    mixtures = []
+    changed = _Changed(ot, Mixture=lambda *given: mixtures.append(ot.Mixture(*given)) or mixtures[-1])
+    space = limited(known, lambda u: np.maximum(u[:, :2].max(axis=1), u[:, 2] - 2.0), 3.0)
+    function = ot.PythonFunction(4, 1, func_sample=space)
+    event = ot.ThresholdEvent(ot.CompositeRandomVector(function, ot.RandomVector(ot.Normal(4))), ot.Greater(), 3.0)
+    points = np.array([[3.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 0.0], [0.0, 0.0, 5.0, 0.0]])
+    found = module._importance(changed, space, event, points, 0.05, 0.95)
+    assert found.interval[0] < 2.0 * norm.sf(3.0) < found.interval[1]
+    first, second, far, own = mixtures[0].getWeights()
+    assert first == pytest.approx(second)
+    assert 0.04 < far < 0.15 * first
+    assert own == pytest.approx(0.1)
+    np.testing.assert_allclose([d.getMean() for d in mixtures[0].getDistributionCollection()], [*points, np.zeros(4)])
+
+
+@pytest.mark.parametrize("confidence", [0.5, 0.95])
+def test_the_interval_of_importance_sampling_is_as_wide_as_the_error_that_was_asked_for(known, confidence):
+    asked = {"methods": ["importance"], "relative_error": 0.1, "confidence": confidence}
+    (found,) = tail(known(plane), DRIVE, "fast", limit_cm_s=16.0, **asked)
+    low, high = (abs(math.log(x / found.probability)) for x in found.interval)
+    assert low == pytest.approx(high)
+    assert 0.3 < low / (0.1 * norm.isf(0.5 - 0.5 * confidence)) <= 1.0
+
+
+@pytest.mark.parametrize("relative_error", [0.07, 0.1])
+def test_subset_sampling_is_as_sure_as_asked_within_what_correlated_chains_may_add(known, relative_error):
+    """Four levels at 1e-4; the bound on their sum is less than twice what independent ones would err by."""
+    asked = {"methods": ["subset"], "relative_error": relative_error}
+    (found,) = tail(known(plane), DRIVE, "fast", limit_cm_s=10.0 + 2.0 * norm.isf(1e-4), **asked)
+    width = math.log(found.interval[1] / found.probability) / norm.isf(0.025)
+    assert 1.0 < width / relative_error < 2.0
+
+
+def levels(shares, n, variations):
+    """What stands for a run of subset sampling: of each level its share, and the variation up to it."""
+    result = SimpleNamespace(getOuterSampling=lambda: n * len(shares), getProbabilityEstimate=lambda: math.prod(shares))
+    return SimpleNamespace(
+        getResult=lambda: result,
+        getStepsNumber=lambda: len(shares),
+        getBlockSize=lambda: 1,
+        getProbabilityEstimatePerStep=lambda: np.cumprod(shares),
+        getCoefficientOfVariationPerStep=lambda: np.array(variations),
+    )
+
+
+def test_subset_sampling_errs_by_its_first_sample_and_by_the_sum_of_its_chains(known):
+    """A share p of n is known to sqrt((1 - p) / (p n)); chains of later levels start from one another's."""
+    space = limited(known, plane, 16.0)
+    z = norm.isf(0.025)
+
+    def width(*given):
+        found = module._of_levels(space, levels(*given), 0.95)
+        return math.log(found.interval[1] / found.probability)
+
+    for share in (0.1, 0.4):
+        assert width([share, 0.2], 5000, [0.0, 0.0]) == pytest.approx(z * math.sqrt((1.0 - share) / (share * 5000)))
+    first = math.sqrt(0.9 / (0.1 * 5000))
+    found = width([0.1, 0.1, 0.1], 5000, [0.0, 0.03, 0.05])  # levels of 3 % and 4 %: a root of sums of squares of 5 %
+    assert found == pytest.approx(z * math.hypot(first, 0.03 + 0.04))
+    one = module._of_levels(space, levels([0.02], 4000, [0.0]), 0.95)
+    assert one.probability == 0.02
+    assert one.interval == pytest.approx(tuple(beta_distribution.ppf([0.025, 0.975], [80, 81], [3921, 3920])))
+
+
+def test_a_probability_below_the_least_is_none(known):
+    """7.5 standard deviations out: 3e-14, which importance sampling could tell and bounds of the lot could not."""
+    config = known(plane)
+    for t in tail(config, DRIVE, "fast", limit_cm_s=10.0 + 2.0 * 7.5, methods=SAMPLING, relative_error=0.3):
+        assert t.probability == t.interval[0] == 0.0
+        assert math.isnan(t.interval[1])
+        assert "the lot ends before the limit" in t.note
+
+
+def test_on_a_plane_of_open_switches_form_has_nothing_to_note(known):
+    """Open is a value above 0: there what is near the limit is not told in parts of it."""
+    for form in tail(known(lambda u: 0.3 * (u @ AXIS - 3.0)), DRIVE, "open", methods=["form", "sorm"]):
+        assert not form.note
+        assert form.beta == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("event", "counted"), [("fast", "not fast"), ("open", "open")])
+def test_switches_that_cannot_be_integrated_stand_beside_what_a_method_notes(known, monkeypatch, event, counted):
+    """A cliff, on which two switches of every piece fail; each method tells of its own, with or without a reason."""
+    config = known(plane)
+
+    def cliff(u):
+        return np.where(u[:, 0] + u[:, 1] > 4.0, 30.0, -30.0)
+
+    monkeypatch.setattr(module, "_measure", lambda asked, u: (cliff(u), min(len(u), 2)))
+    form, brute, subset = tail(
+        config, DRIVE, event, methods=("form", "brute", "subset"), n_switches=100, relative_error=0.3
+    )
+    assert brute.note == f"2 of 100 switches could not be integrated, counted as {counted}"
+    reason, told = form.note.split("; ")
+    assert "integrated" not in reason
+    assert told.endswith(f" of {form.n_switches:,} switches could not be integrated, counted as {counted}")
+    assert subset.note.endswith(f" of {subset.n_switches:,} switches could not be integrated, counted as {counted}")
+
+
+# The real lot.
 
 
 def test_brute_force_is_the_share_of_fresh_switches_and_open_ones():
@@ -213,9 +432,14 @@ def test_a_limit_beyond_the_lot_is_never_met():
         ("slow", {}, "the event is 'slow'; it must be one of fast, open"),
         ("fast", {"methods": ["luck"]}, "'luck' is no method; choose from brute, form"),
         ("fast", {"limit_cm_s": -1.0}, "limit is -1 cm/s; it must be above 0"),
+        ("fast", {"limit_cm_s": 0.0}, "limit is 0 cm/s; it must be above 0"),
+        ("fast", {"limit_cm_s": math.inf}, "limit is inf cm/s"),
         ("fast", {"n_switches": 0}, "0 switches say nothing"),
         ("fast", {"relative_error": 2.0}, "relative error is 2"),
+        ("fast", {"relative_error": 1.0}, "relative error is 1"),
+        ("fast", {"relative_error": 0.0}, "relative error is 0"),
         ("fast", {"confidence": 1.0}, "confidence is 1"),
+        ("fast", {"confidence": 0.0}, "confidence is 0"),
     ],
 )
 def test_questions_that_cannot_be_are_refused(event, changes, said):
@@ -223,10 +447,21 @@ def test_questions_that_cannot_be_are_refused(event, changes, said):
         tail(load_config({}), DRIVE, event, **changes)
 
 
+def test_the_least_that_can_be_asked_is_answered(known):
+    config = known(lambda u: np.full(len(u), 0.02))
+    asked = {"limit_cm_s": 0.01, "n_switches": 1, "relative_error": 0.01, "confidence": 0.01}
+    (brute,) = tail(config, DRIVE, "fast", methods=["brute"], **asked)
+    assert (brute.probability, brute.n_switches, brute.interval[1]) == (1.0, 1, 1.0)
+
+
 def test_without_openturns_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "openturns", None)
     with pytest.raises(TailError, match=r"pip install openturns, or choose the method brute"):
         tail(load_config({}), DRIVE, "fast", methods=["form"])
+    simulated = []
+    with pytest.raises(TailError, match="pip install openturns"):
+        tail(load_config({}), DRIVE, "fast", methods=["brute", "form"], mapper=lambda *given: simulated.append(given))
+    assert not simulated, "it is said before anything is simulated"
     assert tail(load_config({}), DRIVE, "fast", methods=["brute"], n_switches=100)
 
 
@@ -267,6 +502,7 @@ def test_a_point_of_the_space_is_the_switch_at_those_uniform_numbers():
     rows = by_hand.at(config, dict(zip(keys, np.split(u, [4, 6, 8], axis=1), strict=True)))
     alone = by_hand.respond(config, rows, DRIVE).max_contact_speed
     np.testing.assert_allclose(space(normal)[:, 0], 100.0 * np.nan_to_num(alone), rtol=1e-5)
+    assert (space.n, space.n_failed) == (6, 0)
 
 
 def test_a_switch_that_closes_too_late_is_open():
@@ -277,6 +513,23 @@ def test_a_switch_that_closes_too_late_is_open():
     r = respond(config, draw(config, 2000, seed=4, ensemble=Ensemble.TAIL), drive)
     late = ~(r.closed & (r.settling_us <= 90.0))
     assert found.probability == np.mean(late) > np.mean(~r.closed) + 0.05
+    asked = module._Asked(Sent(config), drive, "open", 0.0)
+    values, n_failed = module._measure(asked, draw(config, 2000, seed=4, ensemble=Ensemble.TAIL))
+    np.testing.assert_array_equal(values > 0.0, late)
+    np.testing.assert_allclose(90.0 * (1.0 + values[~late]), r.settling_us[~late], err_msg="by how much too early")
+    assert n_failed == 0
+
+
+@pytest.mark.parametrize("volts", [10.0, 30.0])
+def test_an_open_switch_is_open_by_the_part_of_its_travel_that_is_missing(volts):
+    """Held below pull-in, with a damper: where the spring and the plate's field balance."""
+    config = load_config({}, ["model.quality_factor=0.7", "model.horizon_us=400"])
+    space = module._Space(config, Waveform.from_rows([(0.0, 4.0, None, volts)]), "open", 19.7, here)
+    (lot,) = module._lot_at(config, np.zeros((1, space.dim))).switches
+    travel, gap, stiffness = lot[:3]
+    force = 0.5 * 8.854e-6 * config.model.plate_area_um2 * volts**2
+    x = brentq(lambda x: stiffness * x - force / (gap - x) ** 2, 0.0, gap / 3.0)
+    assert space(np.zeros((1, space.dim)))[0, 0] == pytest.approx(1.0 - x / travel, abs=1e-3)
 
 
 def test_the_space_of_a_trimmed_lot_has_a_coordinate_for_each_error():
