@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from modal_reference import EPS0, oracle
 from softclose import Losses, Pulse, ReducedOrder, Waveform, simulate
 from softclose.device.simulate import SimulationError, Status
-from softclose.switch.losses import LossesError, shape_factor
+from softclose.switch.losses import LEAST_Q, LossesError, shape_factor
 from softclose.switch.plate import pull_in_voltage
 from softclose.switch.reduced_order import Capacitance, CompliantContact, Dielectric, Mode, ReducedOrderError
 from softclose.waveform import Trace
@@ -215,6 +215,7 @@ def test_what_does_not_go_together_is_refused() -> None:
         Losses(film_count=0.0)
     with pytest.raises(LossesError, match=r"quality_factor is 0\.0005"):
         Losses(quality_factor=5e-4)
+    assert Losses(quality_factor=LEAST_Q).damping_ratio == pytest.approx(1.0 / LEAST_Q)
     c = Capacitance(gap_um=3.7, polynomial_fF=(40.0, 11.0))
     with pytest.raises(ReducedOrderError, match="no place beside"):
         ReducedOrder(mode=one().mode, capacitance=c, dielectric=Dielectric(thickness_um=0.2, permittivity=4.0))
@@ -259,3 +260,13 @@ def test_a_switch_that_only_sticks_loses_something() -> None:
         x.none for x in (Losses(quality_factor=9.0), Losses(film_viscosity_uPa_s=1.0), Losses(adhesion_uN=1.0))
     )
     assert not Losses(adhesion_uN=1.0).moving
+
+
+@pytest.mark.parametrize("name", ["quality_factor", "film_viscosity_uPa_s", "adhesion_uN"])
+def test_a_lot_of_which_one_switch_loses_something_loses_something(name: str) -> None:
+    lot = Losses(**{name: np.array([0.0, 4.0, 0.0])})
+    assert not lot.none
+    assert lot.moving == (name != "adhesion_uN")
+    assert Losses(**{name: np.zeros(3)}).none
+    gas = Losses(film_mean_free_path_um=0.07, **{name: np.array([0.0, 4.0, 0.0])})
+    assert gas.slips == (name == "film_viscosity_uPa_s")
