@@ -271,7 +271,7 @@ def test_a_search_never_leaves_what_fails_nor_goes_outwards(known):
         assert np.linalg.norm(found) == pytest.approx(4.0, rel=0.03)
 
 
-def test_one_narrow_way_to_fail_is_enough_for_importance_sampling(known):
+def test_one_narrow_way_to_fail_is_enough(known):
     """A cone: no two of its failures count as two directions. Its share of the sphere is (a - sin a cos a) / pi."""
     half, beyond = math.radians(18.0), 3.0
 
@@ -281,8 +281,9 @@ def test_one_narrow_way_to_fail_is_enough_for_importance_sampling(known):
 
     assert len(module._failure_points(limited(known, cone, beyond), 0)) == 1
     truth = chi2.sf(beyond**2, 4) * (half - math.sin(half) * math.cos(half)) / math.pi
-    (found,) = tail(known(cone), DRIVE, "fast", limit_cm_s=beyond, methods=["importance"])
+    found, form = tail(known(cone), DRIVE, "fast", limit_cm_s=beyond, methods=["importance", "form"])
     assert found.probability == pytest.approx(truth, rel=0.15)
+    assert form.beta == pytest.approx(beyond, abs=1e-3)
 
 
 def test_near_failures_are_drawn_most_and_none_is_left_out(known, monkeypatch):
@@ -347,6 +348,7 @@ def test_subset_sampling_errs_by_its_first_sample_and_by_the_sum_of_its_chains(k
     first = math.sqrt(0.9 / (0.1 * 5000))
     found = width([0.1, 0.1, 0.1], 5000, [0.0, 0.03, 0.05])  # levels of 3 % and 4 %: a root of sums of squares of 5 %
     assert found == pytest.approx(z * math.hypot(first, 0.03 + 0.04))
+    assert module._of_levels(space, levels([0.9, 0.9], 50, [0.0, 0.2]), 0.95).interval[1] == 1.0
     one = module._of_levels(space, levels([0.02], 4000, [0.0]), 0.95)
     assert one.probability == 0.02
     assert one.interval == pytest.approx(tuple(beta_distribution.ppf([0.025, 0.975], [80, 81], [3921, 3920])))
@@ -524,12 +526,14 @@ def test_a_switch_that_closes_too_late_is_open():
 def test_an_open_switch_is_open_by_the_part_of_its_travel_that_is_missing(volts):
     """Held below pull-in, with a damper: where the spring and the plate's field balance."""
     config = load_config({}, ["model.quality_factor=0.7", "model.horizon_us=400"])
-    space = module._Space(config, Waveform.from_rows([(0.0, 4.0, None, volts)]), "open", 19.7, here)
+    drive = Waveform.from_rows([(0.0, 4.0, None, volts)])
+    space, speed = (module._Space(config, drive, event, 19.7, here) for event in ("open", "fast"))
     (lot,) = module._lot_at(config, np.zeros((1, space.dim))).switches
     travel, gap, stiffness = lot[:3]
     force = 0.5 * 8.854e-6 * config.model.plate_area_um2 * volts**2
     x = brentq(lambda x: stiffness * x - force / (gap - x) ** 2, 0.0, gap / 3.0)
     assert space(np.zeros((1, space.dim)))[0, 0] == pytest.approx(1.0 - x / travel, abs=1e-3)
+    assert speed(np.zeros((1, space.dim)))[0, 0] == 0.0, "it never touches"
 
 
 def test_the_space_of_a_trimmed_lot_has_a_coordinate_for_each_error():
