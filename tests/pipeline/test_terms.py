@@ -262,6 +262,14 @@ def test_a_switch_that_only_sticks_loses_something() -> None:
     assert not Losses(adhesion_uN=1.0).moving
 
 
+@pytest.mark.parametrize("bad", [-1.0, math.inf, math.nan])
+def test_of_a_lot_the_switch_is_named_whose_loss_cannot_be(bad: float) -> None:
+    with pytest.raises(LossesError, match=r"adhesion_uN of switch 2 is .*; it must be a number, 0 or more"):
+        Losses(adhesion_uN=np.array([0.0, bad, bad]))
+    with pytest.raises(LossesError, match=r"film_viscosity_uPa_s is .*; it must be a number, 0 or more"):
+        Losses(film_viscosity_uPa_s=bad)
+
+
 @pytest.mark.parametrize("name", ["quality_factor", "film_viscosity_uPa_s", "adhesion_uN"])
 def test_a_lot_of_which_one_switch_loses_something_loses_something(name: str) -> None:
     lot = Losses(**{name: np.array([0.0, 4.0, 0.0])})
