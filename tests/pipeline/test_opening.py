@@ -308,8 +308,8 @@ def test_no_brake_takes_the_drive_above_its_limit(monkeypatch: pytest.MonkeyPatc
     assert max(tried) <= 115.0, "none above it is even simulated"
 
 
-def test_a_brake_begins_within_a_period_of_the_switch_after_the_drive_is_down() -> None:
-    """Nor does it rise, or stay up, for more than half of one."""
+def test_a_brake_begins_soon_after_the_drive_is_down() -> None:
+    """By a thirty-second of a period at most, and it rises, and stays up, for half as long at most (ADR 130)."""
     config, drive = load_config({}), opened(SOFT, 250.0)
     lot = draw(config, 200, seed=1)
     brakes: list[Pulse] = []
@@ -320,14 +320,15 @@ def test_a_brake_begins_within_a_period_of_the_switch_after_the_drive_is_down() 
 
     design_brake(config, lot, drive, at_us=250.0, budget=200, attempt=flat)
     period = 2.0 * math.pi * math.sqrt(np.median(lot["M"] / (1e-3 * lot["K"])))  # µg and µN/µm: µs
+    unit = period / math.sqrt(1000.0)
     begun, rises, peaks = (
         np.array([getattr(b, name) for b in brakes[1:]]) for name in ("start_us", "rise_us", "peak_us")
     )
     least_rise = config.waveform.min_rise_us
     assert begun.min() >= 250.0
-    assert 0.3 * period < begun.max() - 250.0 <= drive.pulses[-1].rise_us + period
-    assert least_rise <= rises.min() < rises.max() <= least_rise + 0.5 * period
-    assert 0.0 <= peaks.min() < peaks.max() <= 0.5 * period
+    assert 0.3 * unit < begun.max() - 250.0 <= drive.pulses[-1].rise_us + unit * (1.0 + 1e-12)
+    assert least_rise <= rises.min() < rises.max() <= least_rise + 0.5 * unit
+    assert 0.0 <= peaks.min() < peaks.max() <= 0.5 * unit
 
 
 @pytest.mark.parametrize(("budget", "n"), [(36, 25), (37, 37), (48, 37)])

@@ -341,14 +341,9 @@ def _first_or_second_order(ot: Any, space: _Space, method: Method, event: Any, s
         probability = float(result.getEventProbability() if method == "form" else result.getEventProbabilityBreitung())
     except (RuntimeError, TypeError, ValueError) as e:
         return _none(space, method, _reason(e))
-    value = float(space(np.array([point]))[0, 0])
-    scale = max(abs(space.threshold), 1.0)
-    note = "" if abs(value - space.threshold) < 0.02 * scale else (
-        f"its point is not on the limit (there the value is {value:.3g}, not {space.threshold:g}): the response jumps"
-    )  # fmt: skip
     return Tail(
         method=method, probability=probability, interval=(math.nan, math.nan), n_switches=space.n, beta=beta,
-        point=point, note=note,
+        point=point,
     )  # fmt: skip
 
 
