@@ -61,7 +61,8 @@ def simulated(drive: str, settings: dict[str, Any]) -> None:
 
 def is_rare(drive: str, losses: str) -> bool:
     """Whether only `make long` simulates such a switch under such a drive."""
-    return (drive == "samples" and losses != "none") or (drive == "low-pass" and "film" in losses)
+    lossless = losses == "none" or (drive, losses) == ("low-pass", "Q")
+    return losses == "two modes, film" or (drive != "pulses" and not lossless)
 
 
 def works() -> dict[str, Callable[[], None]]:
@@ -74,7 +75,7 @@ def works() -> dict[str, Callable[[], None]]:
         if is_whole() or not is_rare(drive, name)
     }
     found["by Runge-Kutta"] = partial(simulated, "pulses", {"method": "rk"})
-    for n in (1, 2, 3):
+    for n in (1, 2, 3) if is_whole() else (1, 2):
         modes = {"method": "rk", "modes": ReducedOrder(mode=MODES[:n])}
         found[f"{n} modes by Runge-Kutta"] = partial(simulated, "pulses", modes)
     return found

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from _pytest.mark import ParameterSet
 
+LONG = pytest.mark.long
 WHOLE = "SOFTCLOSE_WHOLE"
 """The environment variable that `make long` sets."""
 
@@ -24,7 +25,12 @@ def examples(n: int) -> int:
 
 
 def in_turn(cases: Iterable[Any], step: int, first: int = 0) -> list[ParameterSet]:
-    """Parameters of which each step-th is tried here, from `first` on; the others are long."""
+    """Parameters of which each step-th is tried here, from `first` on; the others are long.
+
+    Several at a time are a `pytest.param`.
+    """
+    sets = [case if isinstance(case, ParameterSet) else pytest.param(case) for case in cases]
     return [
-        pytest.param(case, marks=() if i % step == first % step else pytest.mark.long) for i, case in enumerate(cases)
+        case if i % step == first % step else pytest.param(*case.values, marks=(*case.marks, LONG), id=case.id)
+        for i, case in enumerate(sets)
     ]

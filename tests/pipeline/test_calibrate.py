@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from examples import in_turn
 from softclose import load_population
 from softclose.population import VARIABLES, Population, PopulationError
 from softclose.population.calibrate import (
@@ -138,7 +139,7 @@ def test_the_fitted_spread_is_right_on_average(kind: FitKind, bounds: tuple[floa
 
 
 @pytest.mark.parametrize(("kind", "bounds"), [("beta", None), ("beta", (0.0, 1.0)), ("uniform", None)])
-@pytest.mark.parametrize("alpha", [1.07, 2.0])
+@pytest.mark.parametrize("alpha", in_turn([1.07, 2.0], 2))
 def test_the_lot_is_among_those_that_twelve_devices_may_have_come_from(
     kind: FitKind, bounds: tuple[float, float] | None, alpha: float
 ) -> None:

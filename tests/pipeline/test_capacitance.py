@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from examples import examples
+from examples import examples, is_whole
 from modal_reference import ModalSwitch, agree, impacts_agree
 from rendered import functions_of
 from softclose import Losses, Pulse, ReducedOrder, Status, Waveform, load_population, simulate
@@ -61,7 +61,8 @@ def drives(draw: st.DrawFn) -> Waveform | Delivered:
     rise = draw(st.one_of(st.just(0.0), st.floats(4.0, 20.0)))
     first = Pulse(0.0, rise, draw(st.floats(2.0, 30.0)), draw(st.floats(60.0, 150.0)))
     command = Waveform([first, Pulse(draw(st.floats(10.0, 50.0)), 8.0, math.inf, draw(st.floats(60.0, 150.0)))])
-    return Delivered(command=command, bandwidth_kHz=60.0) if draw(st.booleans()) else command
+    delivered = is_whole() and draw(st.booleans())  # further kernels to compile
+    return Delivered(command=command, bandwidth_kHz=60.0) if delivered else command
 
 
 @settings(max_examples=examples(15), deadline=None, derandomize=True)
@@ -86,7 +87,8 @@ def test_the_kernel_agrees_with_its_twin(
 def test_the_kernel_agrees_with_the_oracle() -> None:
     """DOP853 of scipy, with events of its own, on the table's spline as scipy evaluates it."""
     rng, compared = np.random.default_rng(12), 0
-    for i, (d, g, k, m) in enumerate(load_population("current").sample(4, seed=29)):
+    n = 4 if is_whole() else 2
+    for i, (d, g, k, m) in enumerate(load_population("current").sample(4, seed=29)[:n]):
         c = fingers(9 + 6 * i)
         cubic, path = rng.uniform(0.0, 0.1), rng.uniform(0.02, 0.5)
         losses = Losses(film_viscosity_uPa_s=rng.uniform(0.1, 3.0), film_mean_free_path_um=path)
@@ -98,7 +100,7 @@ def test_the_kernel_agrees_with_the_oracle() -> None:
             slope=lambda x, c=c, shrink=shrink: float(c.slope_at(np.array(x * shrink))) * shrink**2,
         ).run(HARD, 120.0)  # fmt: skip
         compared += impacts_agree(found, oracle)
-    assert compared >= 8
+    assert compared >= 2 * n
 
 
 @pytest.mark.parametrize("order", [9, 16])

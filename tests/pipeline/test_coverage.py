@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from benchmark_files import benchmark
+from examples import in_turn
 from softclose.metrics.intervals import unseen_share
 from softclose.metrics.objective import assess
 from softclose.metrics.paired import compare, proportion_difference
@@ -36,8 +37,8 @@ def test_every_interval_of_a_figure_holds(name: str, n: int) -> None:
             assert held >= LEAST, f"{figure} of {name} at n = {n}: {held:.3f}"
 
 
-@pytest.mark.parametrize("name", list(coverage.PAIRS))
 @pytest.mark.parametrize("n", [50, 200])
+@pytest.mark.parametrize("name", in_turn(coverage.PAIRS, 2))
 def test_every_interval_of_a_difference_holds(name: str, n: int) -> None:
     pair = coverage.PAIRS[name]
     for figure, (held, _) in coverage.pairs(name, n, N_REPETITIONS).items():
@@ -45,8 +46,17 @@ def test_every_interval_of_a_difference_holds(name: str, n: int) -> None:
             assert held >= LEAST, f"{figure} of {name} at n = {n}: {held:.3f}"
 
 
-@pytest.mark.parametrize("kind", list(coverage.CHEAP))
-@pytest.mark.parametrize("name", ["normal", "lognormal", "slam of 5 %", "gap at the level"])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    in_turn(
+        (
+            pytest.param(name, kind)
+            for name in ("normal", "lognormal", "slam of 5 %", "gap at the level")
+            for kind in coverage.CHEAP
+        ),
+        3,
+    ),
+)
 def test_every_interval_with_a_control_variate_holds(name: str, kind: str) -> None:
     for figure, (held, _) in coverage.controls(name, kind, coverage.LEAST, N_REPETITIONS).items():
         assert held >= LEAST, f"{figure} of {name}, cheap model {kind}: {held:.3f}"

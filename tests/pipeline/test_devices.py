@@ -78,7 +78,7 @@ def test_the_truth_is_among_what_the_devices_leave_open() -> None:
 def test_more_devices_leave_less_open() -> None:
     widths = []
     for n in (12, 60, 300):
-        found = propagate(CONFIG, SOFT, _fitted(n, 4), n, bounds=BOUNDS, n_lots=100, n_switches=1500)
+        found = propagate(CONFIG, SOFT, _fitted(n, 4), n, bounds=BOUNDS, n_lots=60, n_switches=800)
         low, high = found.interval("g_cm_s")
         widths.append(high - low)
         assert found.n_devices == n

@@ -51,8 +51,8 @@ def test_one_mode_without_losses_is_the_kernel(rise: float, peak: float, volts: 
 @pytest.mark.parametrize(
     ("waveform", "film"),
     [
-        *(pytest.param(w, film, marks=pytest.mark.long) for w, film in ((SOFT, 0.0), (SOFT, 3.0), (HARD, 0.0))),
-        (HARD, 3.0),
+        (HARD, 0.0),
+        *(pytest.param(w, film, marks=pytest.mark.long) for w, film in ((SOFT, 0.0), (SOFT, 3.0), (HARD, 3.0))),
     ],
 )
 def test_two_modes_agree_with_the_oracle(waveform: Waveform, film: float) -> None:
@@ -202,6 +202,7 @@ def test_the_normalisation_of_a_mode_shape_changes_nothing() -> None:
     assert a.max_contact_speed[0] == pytest.approx(b.max_contact_speed[0], rel=1e-7)
 
 
+@pytest.mark.long
 def test_each_further_mode_has_its_own_motion() -> None:
     modes = [Mode(frequency_kHz=20.0), *(Mode(frequency_kHz=f, contact=0.2, electrode=0.1) for f in (60.0, 110.0))]
     common: dict[str, Any] = {"times_us": np.linspace(0.0, 100.0, 101), "horizon_us": 100.0, "further_modes": True}

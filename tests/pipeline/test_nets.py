@@ -40,6 +40,7 @@ def test_points_of_64_bits_are_scipy_s(dim: int, start: int, n: int, seed: int) 
     np.testing.assert_array_equal(scrambled_sobol(dim, n, np.random.default_rng(seed), start=start, bits=64), theirs)
 
 
+@pytest.mark.long
 def test_the_last_points_of_a_sequence_are_scipy_s() -> None:
     engine = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(1))
     engine.fast_forward(MOST_POINTS - 5)

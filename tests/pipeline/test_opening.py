@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import by_hand
+from examples import in_turn
 from softclose import Pulse, Waveform, opening
 from softclose.conditions.temperature import heated
 from softclose.evaluate import draw
@@ -192,8 +193,9 @@ def test_what_swings_for_ever_never_settles(watch_us: float) -> None:
     assert np.isinf(found.rest_us[found.held]).all()
 
 
-@pytest.mark.parametrize("stiffness", [1e4, 5e4, pytest.param(5e5, marks=pytest.mark.long)])
-@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize(
+    ("stiffness", "exponent"), in_turn((pytest.param(k, e) for e in (1.5, 1.0) for k in (1e4, 5e4, 5e5)), 4)
+)
 def test_a_compliant_contact_lets_go_whatever_its_indentation(
     tmp_path: Path, stiffness: float, exponent: float
 ) -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
 from bowl import proposed
-from examples import examples
+from examples import examples, in_turn
 from softclose.device.protocol import CannotSimulate
 from softclose.evaluate import draw, respond
 from softclose.evaluate.judging import judge
@@ -289,7 +289,7 @@ def test_who_need_not_be_waited_for_is_asked_ahead_and_the_basins_are_the_same(p
     assert not workers.stretches
 
 
-@pytest.mark.parametrize("n_elsewhere", [2, 3, 8])
+@pytest.mark.parametrize("n_elsewhere", in_turn([2, 3, 8], 3))
 @pytest.mark.parametrize(("prior", "most"), BUDGETS)
 @pytest.mark.parametrize("worth", [stretches.WORTH, 24 * 100])
 def test_workers_run_descents_by_themselves_and_the_basins_are_the_same(prior, most, n_elsewhere, worth, monkeypatch):

@@ -14,6 +14,7 @@ import xarray
 from numpy.testing import assert_array_equal
 
 import small_store
+from examples import in_turn
 from small_store import create
 from softclose_store import DriverStore, LockedError, faults, lock_holder, open_campaign, remove_orphans, verify
 from stores import differences
@@ -41,7 +42,7 @@ def reference(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("point", faults.POINTS)
+@pytest.mark.parametrize("point", in_turn(faults.POINTS, 2))
 def test_a_kill_at_a_named_step_loses_nothing_committed_and_ends_in_the_same_store(point, tmp_path, reference):
     rng = random.Random(point)
     path = tmp_path / "a.zarr"

@@ -97,7 +97,7 @@ SINGLE = (
 )
 
 
-@pytest.mark.parametrize("key", in_turn(SINGLE, 3))
+@pytest.mark.parametrize("key", in_turn(SINGLE, 6))
 def test_any_kind_of_file_is_written_again_as_it_was_and_proved(finished, original, key):
     rng = random.Random(key)
     for kind in rng.sample(["flip", "truncate", "delete", "append"], 2):

@@ -12,6 +12,7 @@ import pytest
 
 from benches import DEVICES, FRESH, SETTINGS, STEPS, Interrupt, begin, content, cut_at, finish, measure
 from campaigns import softclose
+from examples import in_turn
 from small_campaigns import COARSE, make_campaign
 from softclose import ModelError, Responses, Waveform, simulate
 from softclose.evaluate import judge
@@ -191,7 +192,7 @@ def same_bench(store: Path, bench: Bench) -> Bench:
     [(Interrupt("stopped"), reopened), (OSError(errno.ENOSPC, "no space left"), same_bench)],
     ids=["stopped", "full"],
 )
-@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("step", in_turn(STEPS, 3))
 def test_a_bench_cut_at_any_step_goes_on_as_if_it_had_not_been(
     step: str,
     cut: BaseException,

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from campaigns import softclose, softclose_process
+from examples import in_turn
 from softclose.evaluate import judge
 from softclose.evaluate.judging import judge_with
 from softclose.metrics.control import Control
@@ -86,7 +87,7 @@ def test_every_candidates_figures_are_those_with_the_control_variate(whole: Path
     assert replay(str(whole), 5).differing == ()
 
 
-@pytest.mark.parametrize("fault", ["after-commit:1", "before-commit:3"])
+@pytest.mark.parametrize("fault", in_turn(["after-commit:1", "before-commit:3"], 2))
 def test_a_kill_ends_in_the_same_store(fault: str, tmp_path: Path, whole: Path) -> None:
     path = tmp_path / "a.zarr"
     killed = softclose_process(*arguments(path), "--serial", env={faults.VARIABLE: fault})

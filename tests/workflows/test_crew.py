@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from examples import in_turn
 from small_campaigns import COARSE, make_campaign
 from softclose import load_population
 from softclose.device.protocol import CannotSimulate
@@ -111,7 +112,10 @@ def bits(value: Any) -> Any:
     return [bits(v) for v in value] if isinstance(value, list | tuple) else repr(value)
 
 
-@pytest.fixture(scope="module", params=["threads", "two workers"])
+CREWS = ("threads", "two workers")
+
+
+@pytest.fixture(scope="module")
 def crew(request: pytest.FixtureRequest) -> Iterator[Crew]:
     placement, threads = (Placement(), 3) if request.param == "threads" else (Placement(workers=2), None)
     with open_executor(placement, threads=threads) as executor:
@@ -119,7 +123,11 @@ def crew(request: pytest.FixtureRequest) -> Iterator[Crew]:
         yield Crew(lambda: executor)
 
 
-@pytest.mark.parametrize("name", ANALYSES)
+@pytest.mark.parametrize(
+    ("crew", "name"),
+    in_turn((pytest.param(crew, name) for crew in CREWS for name in ANALYSES), 2),
+    indirect=["crew"],
+)
 @pytest.mark.timeout(300)
 def test_an_analysis_says_the_same_wherever_its_pieces_run(name: str, crew: Crew, folder: Path, tmp_path: Path) -> None:
     found = []

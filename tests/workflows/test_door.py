@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from door import DAMAGES, KINDS, READING, SORTS, WRITING, Case, ask, contents, fresh, make_cases, run_case
+from examples import in_turn
 from small_campaigns import COARSE, COMPLETE, finish, make_campaign
 from softclose import ALGORITHM
 from softclose.settings import load_config
@@ -65,7 +66,7 @@ def case_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Case]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("damage", in_turn(DAMAGES, 2))
 def test_one_damaged_file_is_refused_by_name_or_makes_no_difference(damage: str, certified: Case) -> None:
     kinds = [kind for kind in KINDS if kind in certified.kinds]
     at = list(DAMAGES).index(damage)
@@ -288,7 +289,7 @@ def _of_the_clock(key: str) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", WORKS)
+@pytest.mark.parametrize("name", in_turn(WORKS, 2))
 def test_a_kill_within_repair_extension_or_a_group_is_mended(name: str, smallest: Case, tmp_path: Path) -> None:
     _kill_within(name, smallest, tmp_path, edge=1, step=71)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from campaigns import LED, softclose, softclose_process
+from examples import in_turn
 from softclose.propose.protocol import Problem
 from softclose.settings import load_config
 from softclose_store import DriverStore, faults, open_campaign
@@ -78,7 +79,7 @@ class Gone(Exception):
     """The process is gone."""
 
 
-@pytest.mark.parametrize("wave", range(11))
+@pytest.mark.parametrize("wave", in_turn(range(11), 4, 2))
 def test_a_run_that_ends_behind_any_wave_is_resumed_to_the_same_store(wave: int, tmp_path: Path, whole: Path) -> None:
     """With blocks of later waves stored, and what was proposed of them forgotten."""
     path = made(tmp_path / "a.zarr")
@@ -148,7 +149,7 @@ class Clock(SerialExecutor):
         return self.worked / (self.n_workers * self._now)
 
 
-@pytest.mark.parametrize(("lag", "is_enough"), [(1, False), (LAG, True)])
+@pytest.mark.parametrize(("lag", "is_enough"), [pytest.param(1, False, marks=pytest.mark.long), (LAG, True)])
 def test_looking_ahead_keeps_many_workers_busy(lag: int, is_enough: bool, tmp_path: Path) -> None:
     """A wave of four candidates is 28 blocks, fewer than there are workers."""
     sizes = ("campaign.budget=82", "optimiser.batch=4", "population.n_switches=64", f"campaign.lag={lag}")

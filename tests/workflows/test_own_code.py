@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from campaigns import SMALL
+from examples import is_whole
 from softclose import EngineError, allow_code, load_config, plugins
 from softclose.settings import ConfigError
 from stores import differences
@@ -78,10 +79,12 @@ def test_it_runs_where_it_is_allowed_and_a_store_allows_nothing(folder: Path) ->
     run = ("run", "own.toml", "--store", "a.zarr", "--serial", "--quiet", *SETS)
     softclose(folder, *run, allowed=BOTH)
     assert (folder / "imported").exists()
-    for command in (("status", "a.zarr"), ("report", "a.zarr", "-o", "a.html"), ("export", "a.zarr", "waveform")):
+    reading = (("report", "a.zarr", "-o", "a.html"), ("status", "a.zarr"), ("export", "a.zarr", "waveform"))
+    for command in reading if is_whole() else reading[:1]:
         softclose(folder, *command)
         assert not (folder / "imported").exists(), command
-    for command in (("certify", "a.zarr", "--switches", "100"), ("tolerance", "a.zarr", "--gain", "0.01")):
+    simulating = (("certify", "a.zarr", "--switches", "100"), ("tolerance", "a.zarr", "--gain", "0.01"))
+    for command in simulating if is_whole() else simulating[:1]:
         assert "which is code" in softclose(folder, *command, code=2)
         assert not (folder / "imported").exists(), command
     softclose(folder, "certify", "a.zarr", "--switches", "100", "--top", "1", allowed=BOTH)
