@@ -8,7 +8,7 @@ import pytest
 
 from damage import KINDS, Case, make_cases, run_round
 
-SHORT = ("delete", "four at once")
+SHORT = ("four at once",)
 """Kinds of `make test`; all in `make long`."""
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from examples import in_turn
 from small_campaigns import COARSE, make_campaign
 from softclose.settings import load_config
 from softclose_store import StoreError, open_campaign, remove_orphans, store_state, verify
@@ -71,7 +72,7 @@ def run(path: Path) -> None:
     "every",
     [pytest.param("slow", marks=pytest.mark.slow), pytest.param("long", marks=[pytest.mark.slow, pytest.mark.long])],
 )
-@pytest.mark.parametrize("failure", FAILURES)
+@pytest.mark.parametrize("failure", in_turn(FAILURES, 2))
 @pytest.mark.timeout(1200)
 def test_an_operation_that_fails_once_stops_the_run_or_is_done_again_and_the_end_is_the_same(
     failure: str, every: str, tmp_path: Path

@@ -206,6 +206,7 @@ def test_a_run_killed_as_it_keeps_trajectories_resumes_to_the_same_store(
     assert verify(path).orphans == ()
 
 
+@pytest.mark.long
 def test_damaged_trajectories_are_computed_again_bit_for_bit(store: Path) -> None:
     path = str(store)
     certify(path, n_switches=100, top=1, store_trajectories=True)

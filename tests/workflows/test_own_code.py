@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from campaigns import SMALL
-from examples import is_whole
+from examples import in_turn, is_whole
 from softclose import EngineError, allow_code, load_config, plugins
 from softclose.settings import ConfigError
 from stores import differences
@@ -61,7 +61,7 @@ SETS = tuple(word for setting in SMALL for word in ("--set", setting))
 BOTH = (MODEL, ENGINE)
 
 
-@pytest.mark.parametrize("allowed", [(), (MODEL,), (ENGINE,), ("my_switch:other", "os:system")])
+@pytest.mark.parametrize("allowed", in_turn([(), (MODEL,), (ENGINE,), ("my_switch:other", "os:system")], 3))
 def test_what_the_user_does_not_allow_is_not_even_imported(folder: Path, allowed: tuple[str, ...]) -> None:
     said = softclose(folder, "run", "own.toml", "--store", "a.zarr", "--serial", *SETS, allowed=allowed, code=2)
     assert "which is code. It runs only where you say so yourself" in said
