@@ -102,6 +102,7 @@ def measure(case: str, workers: int, folder: Path) -> dict[str, float]:
     from softclose_workflows.run.campaign import Driver
     from softclose_workflows.run.creation import create_store
     from softclose_workflows.run.executors import Placement, open_executor
+    from softclose_workflows.run.executors.dask import DaskExecutor
 
     preset, settings = CASES[case]
     config = load_config(preset, settings)
@@ -115,6 +116,7 @@ def measure(case: str, workers: int, folder: Path) -> dict[str, float]:
             began, cpu = time.perf_counter(), time.process_time()
             driver.run()
             wall, own = time.perf_counter() - began, time.process_time() - cpu
+        peaks = executor._client.run(peak_MB).values() if isinstance(executor, DaskExecutor) else (0.0,)
     n, spent = config.total_budget, driver.spent
     files = [f for f in path.rglob("*") if f.is_file()]
     working = own - spent.simulate - spent.store if not workers else own
@@ -130,9 +132,14 @@ def measure(case: str, workers: int, folder: Path) -> dict[str, float]:
         "driver_cpu_ms": 1e3 * working / n,
         "files_per_candidate": len(files) / n,
         "bytes_per_candidate": sum(f.stat().st_size for f in files) / n,
-        "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "peak_worker_MB": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024,
+        "peak_MB": peak_MB(),
+        "peak_worker_MB": max(peaks),
     }
+
+
+def peak_MB() -> float:
+    """The largest resident set of this process so far; workers say theirs, since they are no children of the driver."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def warm_up(executor: Any, folder: Path) -> None:
