@@ -104,7 +104,8 @@ class Folder:
 def natural(name: str) -> tuple[tuple[bool, int, str], ...]:
     """What names are sorted by as people count: `run-9` before `run-10`."""
     parts = re.split(r"([0-9]+)", name.casefold())
-    return tuple((part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts)
+    # isdecimal: a superscript is a digit, and no number to int()
+    return tuple((part.isdecimal(), int(part) if part.isdecimal() else 0, part) for part in parts)
 
 
 def _certified_at(path: Path) -> int:
