@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from softclose.settings import ConfigError
 from softclose_workflows.errors import ExecutorError
-from softclose_workflows.run.executors import Placement, batch
+from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.executors.batch import CLASSES, job_script
 from softclose_workflows.run.executors.cluster_file import Cluster, check_cluster, load_cluster
 from softclose_workflows.run.submission import DriverJob, submission
@@ -148,41 +144,3 @@ def test_a_driver_that_cannot_be_submitted_is_an_error(make, said: str) -> None:
     with pytest.raises(ExecutorError) as e:
         make()
     assert said in str(e.value)
-
-
-class Cluster12:
-    """Stands for dask-jobqueue's cluster of twelve jobs, softclose-0 to softclose-11, each with a worker."""
-
-    def __init__(self) -> None:
-        self.workers = {f"softclose-{i}": SimpleNamespace(job_id=str(100 + i)) for i in range(12)}
-        self.here = {f"tcp://{i}": {"name": f"softclose-{i}-0"} for i in range(12)}
-        self.asked: list[int] = []
-
-    @property
-    def scheduler_info(self) -> dict[str, Any]:
-        return {"workers": self.here}
-
-    def scale(self, jobs: int) -> None:
-        self.asked.append(jobs)
-
-    def sync(self, work: Callable[[], Any]) -> None:
-        asyncio.run(work())
-
-    def __await__(self) -> Iterator[None]:
-        return iter(())
-
-
-def test_a_job_that_ended_is_replaced_also_where_another_s_name_begins_alike(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cluster = Cluster12()
-    monkeypatch.setattr(batch, "LOOK_S", -1.0)
-    spec = check_cluster({"scheduler": "sge", "cores": 1, "memory": "1GB", "jobs": 12})
-    keep = batch._Jobs(cluster, spec, tmp_path)  # type: ignore[arg-type]
-    keep(12)
-    assert cluster.asked == []
-    del cluster.here["tcp://1"]
-    keep(12)
-    assert "softclose-1" not in cluster.workers
-    assert {"softclose-10", "softclose-11"} < set(cluster.workers)
-    assert cluster.asked == [12]
