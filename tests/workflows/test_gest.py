@@ -11,8 +11,10 @@ from gest_api import Generator
 from gest_api.vocs import VOCS
 
 from small_campaigns import make_campaign
+from softclose.metrics.ranking import rank_cm_s
 from softclose_store import open_campaign
 from softclose_workflows.api.gest import OBJECTIVE, SoftcloseGenerator
+from softclose_workflows.errors import BenchError
 
 SEARCH = (
     "campaign.budget=9",
@@ -57,8 +59,9 @@ def test_it_proposes_the_campaigns_own_waveforms(records: dict[str, Any]) -> Non
         g.ingest(results(points, records)[::-1])  # in any order
     assert seen == list(range(9))
     assert sizes == [4, 2, 2, 1]
-    with pytest.raises(ValueError, match="the budget is spent"):
-        g.suggest()
+    for asked_for in (None, 3):
+        with pytest.raises(ValueError, match="the budget is spent"):
+            g.suggest(asked_for)
     g.finalize()
 
 
@@ -220,3 +223,89 @@ def test_lag_is_how_many_points_may_be_out_and_how_far_a_slow_one_is_overtaken(l
         g.suggest(1)
     g.ingest([told(slow)])
     assert g.suggest(1)
+
+
+def proposed(g: SoftcloseGenerator, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Sizes of the waves that its engine is asked for from now on."""
+    sizes: list[int] = []
+    real = g._proposer.propose
+
+    def propose(wave: Any, seen: Any, pending: Any) -> Any:
+        sizes.append(wave.size)
+        return real(wave, seen, pending)
+
+    monkeypatch.setattr(g._proposer, "propose", propose)
+    return sizes
+
+
+def test_points_of_several_waves_are_suggested_at_once_and_no_wave_before_it_is_needed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is proposed later knows more results."""
+    g = generator("campaign.lag=4", "campaign.budget=16", "optimiser.batch=1", "optimiser.n_initial=2")
+    sizes = proposed(g, monkeypatch)
+    assert [p["_id"] for p in g.suggest(2)] == [0, 1]
+    g.ingest([{"_id": i, OBJECTIVE: 20.0 + i} for i in (0, 1)])
+    sizes.clear()
+    assert [p["_id"] for p in g.suggest(3)] == [2, 3, 4]
+    assert sizes == [1, 1, 1]
+    with pytest.raises(ValueError, match="2 points are asked for and 1 can be given: ingest results first"):
+        g.suggest(2)
+    assert [p["_id"] for p in g.suggest(1)] == [5]
+    assert sizes == [1, 1, 1, 1]
+
+
+def test_the_campaign_s_own_initial_waveforms_stand_before_those_of_others(records: dict[str, Any]) -> None:
+    own = [row.tolist() for row in records["waveform"][2] if not np.isnan(row).all()]
+    g = generator(f"waveform.initial={[own]}")
+    theirs = results(generator().suggest(2), records)
+    g.ingest([without(p, "_id") for p in theirs])
+    rest = g.suggest()
+    assert rest[0]["_id"] == 0
+    np.testing.assert_allclose(g.waveform(rest[0]).rows(), own, rtol=1e-9)
+    assert [p["_id"] for p in rest] == [0, 3]
+    g.ingest([p | {OBJECTIVE: 30.0} for p in rest])
+    assert [o.g_cm_s for o in g._history] == [30.0, *(p[OBJECTIVE] for p in theirs), 30.0]
+    for point, o in zip(theirs, g._history[1:], strict=False):
+        np.testing.assert_allclose(o.waveform.rows(), g.waveform(point).rows(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("value", ["soft", None, [1.0, 2.0], math.nan])
+def test_a_point_of_others_that_is_none_is_refused_and_nothing_is_begun(records: dict[str, Any], value: Any) -> None:
+    g = generator()
+    point = without(results(generator().suggest(1), records)[0], "_id")
+    for wrong in (point | {"volts1": value}, without(point, "volts1")):
+        with pytest.raises(BenchError, match="lacks a variable of this search, or it is no number"):
+            g.ingest([point, wrong])
+    assert [p["_id"] for p in g.suggest()] == [0, 1, 2, 3]
+
+
+def test_all_that_a_result_says_is_what_the_engine_sees(records: dict[str, Any]) -> None:
+    """A failed one is known as such: its engine must not take it for a parent. What is not said is no number."""
+    g = generator("objective.max_open=0.1")
+    points = g.suggest()
+    numbers = {"g_se_cm_s": 0.5, "v_u_cm_s": 19.0, "mean_cm_s": 11.0, "p_nc": 0.25, "p_contact": 0.75}
+    told = [{OBJECTIVE: 20.0} | numbers, {OBJECTIVE: math.nan}, {OBJECTIVE: 21.0}, {OBJECTIVE: math.inf} | numbers]
+    g.ingest([{"_id": p["_id"]} | t for p, t in zip(points, told, strict=True)])
+    full, failed, bare, infinite = g._history
+    assert {name: getattr(full, name) for name in numbers} == numbers
+    assert full.rank_cm_s == rank_cm_s(20.0, 0.25, g._problem.config.objective.max_open) > 20.0
+    assert [o.failed for o in g._history] == [False, True, False, True]
+    assert [o.usable for o in g._history] == [True, False, True, False]
+    assert [o.wave for o in g._history] == [0] * 4
+    assert [o.n_switches for o in g._history] == [40] * 4
+    assert all(math.isnan(getattr(o, name)) for o in (failed, bare) for name in numbers)
+    assert math.isinf(infinite.g_cm_s)
+    assert [p["_id"] for p in g.suggest()] == [4, 5]
+
+
+@pytest.mark.parametrize("engine", ["nsga2", "sobol"])
+def test_a_point_that_failed_is_lost_and_the_search_goes_on(engine: str) -> None:
+    """To the end of its budget, whatever share of each wave fails."""
+    g = generator(f"optimiser.engine={engine}", "campaign.budget=12")
+    seen = 0
+    while seen < 12:
+        points = g.suggest()
+        seen += len(points)
+        g.ingest([p | {OBJECTIVE: math.nan if p["_id"] % 2 else 20.0, "p_nc": 0.0} for p in points])
+    assert sum(o.usable for o in g._history) == 6

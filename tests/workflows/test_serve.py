@@ -383,7 +383,12 @@ def test_what_has_not_changed_on_the_disk_is_not_read_again(tmp_path: Path, monk
         make_campaign(tmp_path / name, *COARSE, run=False)
     read: list[str] = []
     real = live._read
-    monkeypatch.setattr(live, "_read", lambda name, *rest: (read.append(name), real(name, *rest))[1])
+
+    def noted(name: str, *rest: Any) -> State:
+        read.append(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(live, "_read", noted)
     folder = Folder(tmp_path)
     first = folder.states()
     assert (folder.states(), folder.states()) == (first, first)
@@ -466,7 +471,8 @@ def test_readers_who_stay_do_not_keep_the_server_from_ending(tmp_path: Path) -> 
         connection.getresponse().read()
         with urllib.request.urlopen(server.address + "events", timeout=30) as stream:
             assert stream.readline() == b"data: []\n"
-            ending = threading.Thread(target=lambda: (server.shutdown(), server.server_close()), daemon=True)
+            server.shutdown()
+            ending = threading.Thread(target=server.server_close, daemon=True)
             ending.start()
             assert stream.read() == b"\n", "the stream ends"
         ending.join(10.0)
