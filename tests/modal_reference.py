@@ -41,6 +41,8 @@ class ModalSwitch:
     """Stiffness, exponent and loss of a compliant contact."""
     dashpot: float = 0.0
     """Of that contact."""
+    adhesion: float = 0.0
+    """Force with which a contact sticks, rigid or compliant."""
     cubic: np.ndarray | float = 0.0
     """Cubic stiffness over stiffness of each mode."""
     coat: float = 0.0
@@ -55,6 +57,10 @@ class ModalSwitch:
     """Of `follow`: held, free or collapsed."""
     ended_us: float = math.nan
     """When it collapsed, or the horizon."""
+    held_us: float = math.inf
+    """Since when it is held, or touches a compliant contact."""
+    motion: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Coordinates and their speeds at the end."""
 
     def run(self, waveform: Drive, until_us: float, *, least_speed: float = 1e-3) -> ModalSwitch:
         """Fly from rest until the time, or a rebound below the least speed: what is chatter is not compared."""
@@ -75,7 +81,7 @@ class ModalSwitch:
                 depth = max(self.contact @ q - self.D, 0.0)
                 speed = self.contact @ p
                 push = k * depth**power * (1.0 + loss * speed) + self.dashpot * speed
-                generalised = generalised - self.contact * max(push, 0)
+                generalised = generalised - self.contact * (max(push, 0) - self.adhesion)
             return np.concatenate([p, generalised / self.masses])
 
         def cross(t: float, y: np.ndarray, *_: object) -> float:
@@ -95,24 +101,25 @@ class ModalSwitch:
                     continue
                 speed = float(self.contact @ y[n:])
                 if touching:
-                    touching = False
+                    touching, self.held_us = False, math.inf
                     continue
                 self.impacts.append((t, speed))
                 if self.compliance is not None:
-                    touching = True
+                    touching, self.held_us = True, t
                 elif self.restitution * speed < least_speed:
                     return self
                 else:
                     inverse = self.contact / self.masses
                     y[n:] -= inverse * (1.0 + self.restitution) * speed / (self.contact @ inverse)
                     y[:n] -= inverse * (self.contact @ y[:n] - self.D) / (self.contact @ inverse) * 1.0000001
-        self.final = float(self.contact @ y[:n])
+        self.final, self.motion = float(self.contact @ y[:n]), y
         return self
 
     def follow(self, waveform: Drive, until_us: float, *, v_stick: float = 1e-5) -> ModalSwitch:
         """The whole life on a rigid contact: chatter, holding, letting go, and the electrode's collapse.
 
-        In contact the constraint phi q = D has the force that makes phi q'' vanish; it only presses.
+        In contact the constraint phi q = D has the force that makes phi q'' vanish; it presses, and pulls no more than
+        the adhesion.
         """
         n = len(self.masses)
         inverse = self.contact / self.masses
@@ -136,7 +143,7 @@ class ModalSwitch:
             return float(self.contact @ y[:n]) - self.D
 
         def presses(t: float, y: np.ndarray, _held: bool) -> float:
-            return float(self.contact @ accelerations(t, y))
+            return float(self.contact @ accelerations(t, y)) + self.adhesion * weight
 
         def collapses(t: float, y: np.ndarray, _held: bool) -> float:
             return float(self.electrode @ y[:n]) - closest
@@ -149,7 +156,7 @@ class ModalSwitch:
             t = begin
             while t < end:
                 if held and presses(t, y, held) < 0.0:
-                    held = False
+                    held, self.held_us = False, math.inf
                 events = (presses if held else meets, collapses)
                 found = solve_ivp(
                     slope, (t, end), y, "DOP853", events=events, rtol=1e-11, atol=1e-13, max_step=0.5, args=(held,)
@@ -161,7 +168,7 @@ class ModalSwitch:
                     self.ending, self.ended_us = "collapsed", t
                     return self
                 if held:
-                    held = False
+                    held, self.held_us = False, math.inf
                     y[:n] -= inverse * (self.contact @ y[:n] - self.D) / weight
                     y[n:] -= inverse * (self.contact @ y[n:]) / weight
                     y[:n] -= inverse * 1e-11 / weight
@@ -169,11 +176,13 @@ class ModalSwitch:
                 speed = float(self.contact @ y[n:])
                 self.impacts.append((t, speed))
                 held = self.restitution * speed < v_stick and presses(t, y, True) >= 0.0
+                self.held_us = t if held else math.inf
                 y[n:] -= inverse * (1.0 + (0.0 if held else self.restitution)) * speed / weight
                 y[:n] -= inverse * (self.contact @ y[:n] - self.D) / weight
                 if not held:  # a little off the contact, so that the flight's end is its only crossing
                     y[:n] -= inverse * 1e-11 / weight
         self.ending, self.ended_us, self.final = "held" if held else "free", until_us, float(self.contact @ y[:n])
+        self.motion = y
         return self
 
 
