@@ -367,3 +367,14 @@ def test_rows_and_outputs_change_no_bit() -> None:
     assert whole.impact_speed is not None
     assert whole.impact_speed[0, 0] != whole.impact_speed[1, 0]
     assert whole.n_impacts.max() > 2, "more impacts than there is room for are counted"
+
+
+def test_a_step_that_would_pass_through_the_gap_is_taken_again_and_shorter() -> None:
+    """Of a voltage so high that the first trial lies behind the counter-electrode; energy says the speed at contact."""
+    volts = 5e4
+    found = run(ReducedOrder(mode=(PLATE,)), Waveform([Pulse(0.0, 0.0, math.inf, volts)]), horizon_us=0.05)
+    assert found.status[0] == Status.OK
+    assert found.impact_speed is not None
+    work = 0.5e3 * 8.8541878128e-12 * AREA * volts**2 * (1.0 / (GAP - TRAVEL) - 1.0 / GAP)
+    expected = math.sqrt(2.0 * (work - 0.5e-3 * STIFFNESS * TRAVEL**2) / MASS)
+    assert found.impact_speed[0, 0] == pytest.approx(expected, rel=1e-6)
