@@ -280,6 +280,21 @@ def test_a_point_of_others_that_is_none_is_refused_and_nothing_is_begun(records:
     assert [p["_id"] for p in g.suggest()] == [0, 1, 2, 3]
 
 
+@pytest.mark.parametrize("beyond", [-0.1, 1.1])
+def test_a_point_of_others_beyond_the_ranges_is_refused_and_the_ends_are_points(
+    records: dict[str, Any], beyond: float
+) -> None:
+    """Held within them, it would be another waveform with this one's result."""
+    g = generator()
+    point = without(results(generator().suggest(1), records)[0], "_id")
+    c = g._problem.space.coordinates[-1]
+    with pytest.raises(BenchError, match=rf"{c.name} of a point is .*; it must lie in \[{c.least:g}, {c.most:g}\]"):
+        g.ingest([point, point | {c.name: c.least + beyond * (c.most - c.least)}])
+    assert not g._history
+    g.ingest([point | {c.name: c.least}, point | {c.name: c.most}])
+    assert len(g.suggest()) == 2
+
+
 def test_all_that_a_result_says_is_what_the_engine_sees(records: dict[str, Any]) -> None:
     """A failed one is known as such: its engine must not take it for a parent. What is not said is no number."""
     g = generator("objective.max_open=0.1")

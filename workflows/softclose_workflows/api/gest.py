@@ -168,6 +168,8 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             waveforms = [self.waveform(point) for point, _ in points]
         except (KeyError, TypeError, ValueError, SpaceError) as e:
             raise BenchError(f"a point lacks a variable of this search, or it is no number ({e!r})") from e
+        for point, _ in points:
+            self._require_in_range(point)
         initial = [*config.waveform.initial_waveforms(), *waveforms]
         known = len(initial) - len(waveforms)
         rows = tuple(tuple(tuple(row) for row in w.rows().tolist()) for w in initial)
@@ -180,6 +182,16 @@ class SoftcloseGenerator(Generator):  # type: ignore[misc]
             del self._ready[known]
             self._told[i] = self._observation(i, proposal, numbers)
         self._move_on()
+
+    def _require_in_range(self, point: Mapping[str, Any]) -> None:
+        """Its waveform would be that of another point, which its result does not belong to."""
+        for c in self._problem.space.coordinates:
+            value, rounding = float(point[c.name]), 1e-9 * (c.most - c.least)
+            if not c.least - rounding <= value <= c.most + rounding:
+                raise BenchError(
+                    f"{c.name} of a point is {value:g}; it must lie in [{c.least:g}, {c.most:g}], the range of this "
+                    "search. Nothing was ingested"
+                )
 
     def _identity(self, result: Mapping[str, Any]) -> int:
         """The `_id` of a result; frameworks that keep points in tables give it back as a float."""
