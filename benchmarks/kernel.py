@@ -1,10 +1,11 @@
-"""Trajectories per second on one core: this kernel, its Runge-Kutta twin, scipy and, where installed, two peers.
+"""Trajectories per second on one core: this kernel, its Runge-Kutta twin, a plain prototype, scipy and two peers.
 
 All in one run, on distinct switches of the current population, each with the error of V that it makes against the
-twin at rtol 1e-12: a speed means nothing without it. The peers, heyoka and diffrax, get fewer switches, since they are
-slow, and are timed without their compilation. heyoka and scipy are driven the way a user would, restarted in Python
-after each impact. diffrax has no restart: it is timed up to the first contact only, which flatters it. CPU time, median
-of the repeats.
+twin at rtol 1e-12: a speed means nothing without it. The prototype (`plain.py`) is at the loosest tolerance, a power
+of ten, that keeps V within some 1e-3 cm/s. The peers, heyoka and diffrax, where they are installed, get fewer
+switches, since they are slow, and are timed without their compilation. heyoka and scipy are driven the way a user
+would, restarted in Python after each impact. diffrax has no restart: it is timed up to the first contact only, which
+flatters it. CPU time, median of the repeats.
 
     pip install softclose[bench]; python benchmarks/kernel.py [--switches 10000] [--repeats 9] [--peer-switches 100]
 """
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from plain import plain
 from scipy.integrate import solve_ivp
 
 from softclose import Pulse, Waveform, load_population, simulate
@@ -28,6 +30,7 @@ from softclose.kernel.pieces import flatten
 
 FloatArray = NDArray[np.float64]
 HORIZON_US, ETA, V_STICK = 250.0, 0.5, 1e-5
+PLAIN_RTOL = 1e-6
 CASES = {
     "step": Waveform([Pulse(0, 0, math.inf, 100)]),
     "two pulses, designed": Waveform([Pulse(0, 4.4, 7.25, 111.6), Pulse(56.5, 19, math.inf, 75)]),
@@ -82,6 +85,11 @@ def scipy_flight(travel: float, gap: float, c: float, k: float, pieces: Any, n_r
         return float(leg.t[-1]), float(leg.y[0, -1]), float(leg.y[1, -1]), leg.status == 1
 
     return flight
+
+
+def prototype(table: FloatArray, waveform: Waveform, times_us: FloatArray) -> FloatArray:
+    """V of every switch from the plain prototype."""
+    return plain(table, waveform, HORIZON_US, times_us, PLAIN_RTOL)[0]
 
 
 def heyoka_peer() -> Callable[..., Flight]:
@@ -185,8 +193,8 @@ def main() -> None:
     args = parser.parse_args()
     switches = load_population("current").sample(args.switches, seed=3)
     few = switches[: args.peer_switches]
-    table = devices(few, 16700.0)
-    grid = np.linspace(0.0, HORIZON_US, 1001)
+    table, whole = devices(few, 16700.0), devices(switches, 16700.0)
+    grid, none = np.linspace(0.0, HORIZON_US, 1001), np.zeros(0)
     heyoka: Callable[..., Flight] | None = None
     diffrax: Callable[[FloatArray, Waveform], FloatArray] | None = None
     try:
@@ -211,6 +219,8 @@ def main() -> None:
         rows: list[tuple[str, Callable[[], FloatArray], FloatArray, int]] = [
             ("kernel", ours, every, args.repeats),
             ("kernel, x and v on 1001 points", partial(ours, times_us=grid, dtype=np.float32), every, args.repeats),
+            ("plain prototype", partial(prototype, whole, waveform, none), every, 3),
+            ("plain prototype, x and v", partial(prototype, whole, waveform, grid), every, 3),
             ("RK twin, rtol 1e-8", partial(ours, method="rk", rtol=1e-8), every, 3),
         ]
         if heyoka is not None:
