@@ -44,8 +44,8 @@ def test_the_automatic_size_of_a_block(n_switches: int, sizes: list[int], candid
     ("settings", "switches"),
     [
         ((), 5120),
-        (("amplifier.bandwidth_kHz=500.0",), 1137),
-        (("model.quality_factor=20.0",), 640),
+        (("amplifier.bandwidth_kHz=500.0",), 3938),
+        (("model.quality_factor=20.0",), 3413),
         (("temperature.worst_of=3",), 2560),
     ],
 )
