@@ -118,7 +118,7 @@ def test_a_second_mode_that_nothing_moves_is_none() -> None:
     np.testing.assert_allclose(found.impact_speed, plain.impact_speed, atol=1e-6)
 
 
-@pytest.mark.parametrize("method", ["taylor", "rk"])
+@pytest.mark.parametrize("method", ["taylor", pytest.param("rk", marks=pytest.mark.long)])
 @pytest.mark.parametrize("modes", [PLATE, TILTED])
 @pytest.mark.parametrize(
     "drive", [HARD, RELEASED, pytest.param(Delivered(command=HARD, bandwidth_kHz=60.0), marks=pytest.mark.long)]

@@ -47,7 +47,7 @@ def close(found, wanted) -> None:  # type: ignore[no-untyped-def]
     assert (np.asarray(found.closed) != wanted.closed).sum() <= 1
 
 
-SHORT = ("trim by both", "slew and resolution", "worst temperature", "film")
+SHORT = ("trim by both", "slew and resolution", "worst temperature", "quality factor")
 """Conditions of `make test`: of trim, amplifier, temperature and losses; all of them in `make long`."""
 
 
