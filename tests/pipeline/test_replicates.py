@@ -168,3 +168,39 @@ def test_a_limit_is_judged_by_the_scramblings() -> None:
     assert a.limit.upper == a.p_nc_intervals.clopper_pearson[1]
     assert a.limit.verdict == "met"
     assert a.feasible
+
+
+@pytest.mark.parametrize(("in_contact", "has_quantiles"), [(9, False), (10, True)])
+def test_with_fewer_than_ten_in_contact_of_one_scrambling_no_quantile_is_told_of_any(
+    in_contact: int, has_quantiles: bool
+) -> None:
+    speed = np.linspace(0.1, 0.3, 20 * R)
+    speed[3 + R * in_contact :: R] = np.nan  # of the fourth scrambling that many touch
+    found = replicates.sections(speed, np.isfinite(speed), None, level=0.95, limits=())
+    assert np.isfinite(found.v_u).all() == has_quantiles
+    assert np.isnan(found.v_u).all() != has_quantiles
+    assert np.isfinite(found.mean).all()
+    assert found.excess.shape == found.exceed.shape == (R, 0)
+
+
+@pytest.mark.parametrize(("never", "has_times"), [(16, True), (24, False)])
+def test_a_closing_time_is_told_where_no_scrambling_is_likely_to_lack_it(never: int, has_times: bool) -> None:
+    """Of a hundred switches each: one of a hundred that never settles may be four of them, one and a half over five."""
+    settling = np.linspace(50.0, 90.0, 100 * R)
+    settling[:never] = np.inf  # one of each scrambling, then of the first half of them
+    speed = np.full(settling.size, 0.2)
+    found = replicates.sections(speed, np.isfinite(settling), settling, level=0.95, limits=())
+    assert np.isfinite(found.closing).all() == has_times
+    assert np.isnan(found.closing).all() != has_times
+
+
+def test_a_proportion_is_its_count_with_an_interval_that_no_proportion_leaves() -> None:
+    n, parts = 160, np.tile([0.25, 0.5], R // 2)
+    found = replicates.proportion(60, n, parts)
+    assert (found.count, found.n, found.estimate) == (60, n, 0.375)
+    assert found.wald == found.wilson == found.clopper_pearson == replicates.about(0.375, parts)
+    rare = replicates.proportion(12, 1200, np.tile([0.0, 0.08], R // 2))
+    assert rare.wilson == (0.0, replicates.about(0.01, np.tile([0.0, 0.08], R // 2))[1])
+    usual = replicates.proportion(1188, 1200, np.tile([1.0, 0.92], R // 2))
+    assert usual.wilson == (replicates.about(0.99, np.tile([1.0, 0.92], R // 2))[0], 1.0)
+    assert math.isnan(replicates.proportion(0, 0, np.full(R, np.nan)).estimate)
