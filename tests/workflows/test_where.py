@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from small_campaigns import COARSE, Halting, make_campaign
 from softclose_store import DriverStore, open_campaign
-from softclose_workflows.analyses.where import total, where
+from softclose_workflows.analyses.where import print_where, total, where
 from softclose_workflows.cli import main
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.campaign import Driver
@@ -84,3 +84,21 @@ def test_the_campaign_is_what_it_was(tmp_path: Path) -> None:
     after = open_campaign(path)
     assert (after.fingerprint, after.committed) == (before.fingerprint, before.committed)
     assert after.runtime["runs"][-1] == {"host": "here", "spent": {"wall": 1.0}}
+
+
+def test_nobody_is_idle_for_less_than_no_time_and_a_run_without_files_wrote_for_none() -> None:
+    """What workers and driver measure by themselves may add up to a little more than the whole."""
+    found = total([{"wall": 2.0, "worker": 4.0, "simulate": 3.0, "store": 1.5}])
+    assert (found.compress, found.write, found.idle, found.n_runs) == (1.5, 0.0, 0.0, 1)
+
+
+@pytest.mark.parametrize(("n", "runs"), [(1, "1 run,"), (2, "2 runs,")])
+def test_seconds_stand_beside_their_share_of_the_whole(n: int, runs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    spent = {"wall": 8.0, "worker": 16.0, "simulate": 4.0, "prior": 2.0, "propose": 6.0}
+    print_where("a.zarr", total([spent] * n))
+    said = capsys.readouterr().out
+    assert f"a.zarr: {runs} {8 * n}.0 s without start-up" in said
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines() if line.startswith("│")]
+    assert ["workers", "device model", f"{4 * n}.00", "25 %"] in rows
+    assert ["driver", "proposing", f"{6 * n}.00", "75 %"] in rows
+    assert all(word in said for word in ("whose", "where", "seconds", "share"))

@@ -14,31 +14,31 @@ from softclose_workflows.tell.labels import in_percent
 class Where:
     """Seconds of all runs that came to an end, start-up apart."""
 
-    wall: float = 0.0
+    wall: float
     """Of the runs, one after the other."""
-    worker: float = 0.0
+    worker: float
     """Of the workers: how many were there, times how long."""
-    simulate: float = 0.0
+    simulate: float
     """Of the workers in the device model, x and v on their grid included."""
-    compress: float = 0.0
+    compress: float
     """Of the workers in digests and compression."""
-    write: float = 0.0
+    write: float
     """Of the workers waiting for the disk or the service."""
-    prior: float = 0.0
+    prior: float
     """Of the workers on the prior: descents to its basins, and what proposals look at."""
-    propose: float = 0.0
+    propose: float
     """Of the driver, without waiting for the prior."""
-    await_prior: float = 0.0
+    await_prior: float
     """Of the driver, waiting for the prior; in a run in one process it is evaluated meanwhile."""
-    dispatch: float = 0.0
+    dispatch: float
     """Of the driver, cutting waves into tasks, sending them, and receiving results."""
-    assess: float = 0.0
+    assess: float
     """Of the driver, judging."""
-    commit: float = 0.0
+    commit: float
     """Of the driver, writing records."""
-    wait: float = 0.0
+    wait: float
     """Of the driver, waiting for a block; in a run in one process the blocks are computed meanwhile."""
-    n_runs: int = 0
+    n_runs: int
     """Runs that were counted; one that was killed says nothing."""
 
     @property
