@@ -61,8 +61,8 @@ def simulated(drive: str, settings: dict[str, Any]) -> None:
 
 def is_rare(drive: str, losses: str) -> bool:
     """Whether only `make long` simulates such a switch under such a drive."""
-    lossless = losses == "none" or (drive, losses) == ("low-pass", "Q")
-    return losses == "two modes, film" or (drive != "pulses" and not lossless)
+    is_usual = drive == "pulses" or losses == "none" or (drive, losses) == ("low-pass", "Q")
+    return losses == "two modes, film" or not is_usual
 
 
 def works() -> dict[str, Callable[[], None]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -333,18 +334,21 @@ def test_a_brake_begins_soon_after_the_drive_is_down() -> None:
     assert 0.0 <= peaks.min() < peaks.max() <= 0.5 * unit
 
 
+def searched(budget: int, attempt: Callable[[Trial], Tried], **more: Any) -> Waveform:
+    """SOFT let go at 250 µs, with the brake that is found where trials cost what is said."""
+    config = load_config({})
+    switches, drive = draw(config, 20, seed=1), opened(SOFT, 250.0)
+    return design_brake(config, switches, drive, at_us=250.0, budget=budget, attempt=attempt, **more)
+
+
 @pytest.mark.parametrize(("budget", "n"), [(36, 25), (37, 37), (48, 37)])
 def test_the_search_tries_the_drive_itself_and_then_whole_generations_within_its_budget(budget: int, n: int) -> None:
-    config, drive = load_config({}), opened(SOFT, 250.0)
+    drive = opened(SOFT, 250.0)
     trials: list[tuple[Trial, Tried]] = []
     heard: list[tuple[int, int]] = []
-    brake = design_brake(
-        config,
-        draw(config, 20, seed=1),
-        drive,
-        at_us=250.0,
-        budget=budget,
-        attempt=lambda trial: Tried(abs(trial.waveform.pulses[-1].volts - 60.0)),
+    brake = searched(
+        budget,
+        lambda trial: Tried(abs(trial.waveform.pulses[-1].volts - 60.0)),
         told=lambda *words: trials.append(words),
         listener=lambda *words: heard.append(words),
     )
@@ -356,30 +360,21 @@ def test_the_search_tries_the_drive_itself_and_then_whole_generations_within_its
 
 
 def test_the_search_finds_a_brake_that_is_best_in_all_of_its_four_numbers() -> None:
-    config, drive = load_config({}), opened(SOFT, 250.0)
-    best = np.array([262.0, config.waveform.min_rise_us + 0.3, 0.4, 112.0])
+    best = np.array([262.0, load_config({}).waveform.min_rise_us + 0.3, 0.4, 112.0])
 
     def far(trial: Trial) -> Tried:
         pulse = trial.waveform.pulses[-1]
         found = np.array([pulse.start_us, pulse.rise_us, pulse.peak_us, pulse.volts])
         return Tried(float(np.square(found - best).sum()) if trial.number else math.inf)
 
-    brake = design_brake(config, draw(config, 20, seed=1), drive, at_us=250.0, budget=1200, attempt=far).pulses[-1]
+    brake = searched(1200, far).pulses[-1]
     np.testing.assert_allclose([brake.start_us, brake.rise_us, brake.peak_us, brake.volts], best, atol=0.01)
 
 
 def test_a_search_ends_before_its_budget_where_no_brake_is_better_than_another() -> None:
-    config, drive = load_config({}), opened(SOFT, 250.0)
+    drive = opened(SOFT, 250.0)
     heard: list[tuple[int, int]] = []
-    brake = design_brake(
-        config,
-        draw(config, 20, seed=1),
-        drive,
-        at_us=250.0,
-        budget=100_000,
-        attempt=lambda trial: Tried(0.8),
-        listener=lambda *words: heard.append(words),
-    )
+    brake = searched(100_000, lambda trial: Tried(0.8), listener=lambda *words: heard.append(words))
     assert 12 <= len(heard) < 1000
     assert brake == drive
 
