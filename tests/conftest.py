@@ -54,9 +54,10 @@ def ngspice() -> str:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Properties are tried again in `make long`, on all their examples."""
+    """Properties, and what says that it is sampled, are tried again in `make long`, on all their cases."""
     for item in items:
-        if is_whole() and getattr(getattr(item, "obj", None), "is_hypothesis_test", False):
+        is_property = getattr(getattr(item, "obj", None), "is_hypothesis_test", False)
+        if is_whole() and (is_property or item.get_closest_marker("sampled")):
             item.add_marker("long")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
 from pathlib import Path
@@ -34,3 +35,20 @@ def test_examples_do_not_depend_on_which_modules_are_loaded(tmp_path: Path, monk
         assert drawn() == before
     finally:
         del sys.modules["loaded_later"]
+
+
+def test_a_test_that_tries_some_of_its_cases_here_is_run_again_on_all() -> None:
+    """`make long` runs what is long, and what it makes long: else the other cases would be tried nowhere."""
+    asking, unmarked = 0, []
+    for file in sorted(Path(__file__).parent.rglob("test_*.py")):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if not (isinstance(node, ast.FunctionDef) and node.name.startswith("test_")):
+                continue
+            called = {ast.unparse(n.func) for part in node.body for n in ast.walk(part) if isinstance(n, ast.Call)}
+            if called & {"is_whole", "examples"}:
+                asking += 1
+                marks = " ".join(ast.unparse(mark) for mark in node.decorator_list)
+                if not any(word in marks for word in ("mark.sampled", "mark.long", "given(")):
+                    unmarked.append(f"{file.name}: {node.name}")
+    assert unmarked == []
+    assert asking > 5

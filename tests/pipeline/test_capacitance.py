@@ -84,6 +84,7 @@ def test_the_kernel_agrees_with_its_twin(
     agree(fast, tight, fast.status == Status.OK)  # what left its table stands as far as each method got
 
 
+@pytest.mark.sampled
 def test_the_kernel_agrees_with_the_oracle() -> None:
     """DOP853 of scipy, with events of its own, on the table's spline as scipy evaluates it."""
     rng, compared = np.random.default_rng(12), 0

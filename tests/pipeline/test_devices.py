@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from examples import is_whole
 from softclose import Pulse, Waveform, load_population
 from softclose.evaluate import evaluate
 from softclose.population.calibrate import calibrate, plausible_populations
@@ -75,10 +76,11 @@ def test_the_truth_is_among_what_the_devices_leave_open() -> None:
     assert by_switches < hits - 4
 
 
+@pytest.mark.sampled
 def test_more_devices_leave_less_open() -> None:
-    widths = []
+    widths, (n_lots, n_switches) = [], (100, 1500) if is_whole() else (60, 800)
     for n in (12, 60, 300):
-        found = propagate(CONFIG, SOFT, _fitted(n, 4), n, bounds=BOUNDS, n_lots=60, n_switches=800)
+        found = propagate(CONFIG, SOFT, _fitted(n, 4), n, bounds=BOUNDS, n_lots=n_lots, n_switches=n_switches)
         low, high = found.interval("g_cm_s")
         widths.append(high - low)
         assert found.n_devices == n

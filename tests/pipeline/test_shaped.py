@@ -73,6 +73,7 @@ def test_the_kernel_agrees_with_its_twin(
     agree(fast, tight)
 
 
+@pytest.mark.sampled
 def test_the_kernel_agrees_with_the_oracle() -> None:
     """DOP853 of scipy, with events of its own, on random switches with random terms."""
     rng, compared = np.random.default_rng(12), 0
@@ -88,7 +89,7 @@ def test_the_kernel_agrees_with_the_oracle() -> None:
             film=float(losses.film(AREA)), cubic=cubic, coat=coat, free_path=path,
         ).run(HARD, 120.0)  # fmt: skip
         compared += impacts_agree(found, oracle)
-    assert compared >= n
+    assert compared >= (2 * n if is_whole() else n)
 
 
 @pytest.mark.parametrize("order", [9, 16])
@@ -143,6 +144,7 @@ def test_what_the_mode_moved_until_the_first_impact_is_told(volts: float) -> Non
     np.testing.assert_allclose(found.mode_peak_um[:, 0], expected, rtol=1e-3)
 
 
+@pytest.mark.sampled
 def test_no_bridge_on_its_last_film_is_lost() -> None:
     """Its film is stiff: an explicit method that cuts its steps badly runs into the electrode (the twin at rtol 1e-6
     did, of one in sixty)."""

@@ -51,6 +51,7 @@ def test_an_intact_store_has_no_problem_and_every_block_was_read(finished):
     assert told == search + [("finish", i, j) for i in range(3) for j in range(2)]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", in_turn(["flip", "truncate", "delete", "append"], 4))
 def test_damage_to_any_file_is_found(finished, kind):
     rng = random.Random(f"{kind} 1")
@@ -74,6 +75,7 @@ def test_damage_to_any_file_is_found(finished, kind):
     assert verify(finished).ok
 
 
+@pytest.mark.sampled
 def test_swapped_files_are_found(finished):
     rng = random.Random(5)
     files = files_of(finished)

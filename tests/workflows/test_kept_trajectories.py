@@ -129,6 +129,7 @@ def _rows(rows: Any) -> Any:
     return rows[~np.isnan(rows).all(axis=1)]
 
 
+@pytest.mark.sampled
 def test_kept_trajectories_of_a_certificate_are_those_of_its_switches(store: Path) -> None:
     path, config = str(store), config_of(store)
     plain = shutil.copytree(store, store.parent / "plain.zarr")

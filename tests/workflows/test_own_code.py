@@ -75,6 +75,7 @@ def test_the_environment_alone_allows_nothing(folder: Path) -> None:
     assert "which is code" in softclose(folder, *run, code=2, env=" ".join(BOTH))
 
 
+@pytest.mark.sampled
 def test_it_runs_where_it_is_allowed_and_a_store_allows_nothing(folder: Path) -> None:
     run = ("run", "own.toml", "--store", "a.zarr", "--serial", "--quiet", *SETS)
     softclose(folder, *run, allowed=BOTH)
