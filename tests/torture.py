@@ -23,7 +23,8 @@ import zarr
 
 sys.path.insert(0, str(Path(__file__).parent / "workflows"))
 
-from campaigns import command, run_arguments, softclose
+from campaigns import run_arguments, softclose
+from forked import Forked
 from softclose_store.faults import POINTS
 from stores import arrays_of, differences
 
@@ -81,9 +82,8 @@ def first_run(store: Path, plan: Plan, rng: random.Random) -> int:
     env = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     if plan.kind == "point":
         env["SOFTCLOSE_FAULT"] = f"{plan.point}:{plan.passage}"
-    process = subprocess.Popen(
-        command(*run_arguments(store), *placement(plan)), env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    process = Forked(*run_arguments(store), *placement(plan), env=env, **quiet)
     if plan.kind != "point":
         time.sleep(plan.after_s)
         if plan.kind in ("worker", "both") and (victims := workers_of(process.pid)):

@@ -15,6 +15,7 @@ from numpy.testing import assert_array_equal
 
 import small_store
 from examples import in_turn
+from forked import Forked
 from small_store import create
 from softclose_store import DriverStore, LockedError, faults, lock_holder, open_campaign, remove_orphans, verify
 from stores import differences
@@ -28,10 +29,9 @@ small_store.run(sys.argv[1])
 """
 
 
-def drive(path: Path, fault: str = "") -> subprocess.Popen[bytes]:
+def drive(path: Path, fault: str = "") -> Forked:
     """Create or continue the small campaign in another process."""
-    environment = os.environ | {faults.VARIABLE: fault, "PYTHONPATH": os.pathsep.join(sys.path)}
-    return subprocess.Popen([sys.executable, "-c", DRIVE, str(path)], env=environment)
+    return Forked(str(path), env=os.environ | {faults.VARIABLE: fault}, program=DRIVE)
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
+from forked import Forked
 from softclose_store import store_state
 from softclose_workflows.cli import main
 
@@ -71,14 +72,13 @@ def softclose_process(
     timeout: float = 180.0,
 ) -> subprocess.CompletedProcess[str]:
     """Run `softclose` in a process of its own to its end and return what it printed."""
-    return subprocess.run(
-        command(*arguments),
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
-        env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"} | (env or {}),
-    )
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"} | (env or {})
+    process = Forked(*arguments, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        stdout, stderr = process.communicate(timeout)
+    finally:
+        process.kill()
+    return subprocess.CompletedProcess(arguments, process.wait(), stdout, stderr)
 
 
 def until(true: Callable[[], object], seconds: float = 120.0) -> None:

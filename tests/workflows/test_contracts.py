@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from campaigns import command, run_arguments, softclose
+from campaigns import run_arguments, softclose
+from forked import Forked
 from softclose_store import open_campaign
 from stores import differences, visible_lengths
 from torture import Plan, run_round
@@ -46,7 +47,7 @@ def test_the_store_does_not_depend_on_the_number_of_workers(
 @pytest.mark.slow
 def test_a_killed_driver_is_resumed_to_the_same_store(tmp_path: Path, reference_store: Path) -> None:
     store = tmp_path / "a.zarr"
-    process = subprocess.Popen(command(*run_arguments(store), "--workers", "2"), stderr=subprocess.DEVNULL)
+    process = Forked(*run_arguments(store), "--workers", "2", stderr=subprocess.DEVNULL)
     wait_for_commits(store, 3, process)
     process.send_signal(signal.SIGKILL)
     process.wait(timeout=30)
@@ -104,7 +105,7 @@ def test_a_growing_store_shows_whole_waves_only(tmp_path: Path, reference_store:
     ).close()  # what is slow to import must not make the reader miss the growth
     store = tmp_path / "a.zarr"
     arguments = run_arguments(store, "campaign.budget=200", "optimiser.batch=1")
-    process = subprocess.Popen(command(*arguments, "--serial"), stdout=subprocess.DEVNULL)
+    process = Forked(*arguments, "--serial", stdout=subprocess.DEVNULL)
     seen = set()
     try:
         wait_for_commits(store, 4, process)
@@ -125,8 +126,9 @@ def test_a_growing_store_shows_whole_waves_only(tmp_path: Path, reference_store:
 
 def test_status_is_one_json_object_also_before_anything_is_committed(tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
-    process = subprocess.Popen(
-        command(*run_arguments(store), "--serial"),
+    process = Forked(
+        *run_arguments(store),
+        "--serial",
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env=os.environ | {"SOFTCLOSE_FAULT": "after-marker:1"},

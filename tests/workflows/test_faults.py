@@ -20,6 +20,7 @@ import psutil
 import pytest
 
 from campaigns import SMALL, command, run_arguments, softclose, softclose_process
+from forked import Forked
 from small_campaigns import COARSE, make_campaign
 from softclose import Waveform, plugins, simulate
 from softclose.device.protocol import CannotSimulate
@@ -36,19 +37,20 @@ from stores import differences, files_of
 from test_contracts import wait_for_commits
 
 
-def start(store: Path, *arguments: str, env: dict[str, str] | None = None) -> subprocess.Popen[bytes]:
+def start(store: Path, *arguments: str) -> Forked:
     """Start the small campaign; the caller ends it."""
-    return subprocess.Popen(
-        command(*run_arguments(store), *arguments),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        env=os.environ | (env or {}),
-    )
+    return Forked(*run_arguments(store), *arguments, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
-def start_worker(address: str, *before: str, env: dict[str, str] | None = None) -> subprocess.Popen[bytes]:
+DASK = "from distributed.cli.dask_{} import main; main()"
+
+
+def start_worker(address: str, *before: str, env: dict[str, str] | None = None) -> Forked | subprocess.Popen[bytes]:
     """One worker of one thread; before: words that its command line begins with."""
     options = ["--no-nanny", "--no-dashboard", "--nthreads", "1", "--host", "127.0.0.1"]
+    if not before and not env:
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return Forked(*options, address, program=DASK.format("worker"), **quiet)
     return subprocess.Popen(
         [*before, sys.executable, "-m", "distributed.cli.dask_worker", *options, address],
         stdout=subprocess.DEVNULL,
@@ -66,25 +68,12 @@ def _is_written(file: Path) -> bool:
 
 
 @contextmanager
-def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subprocess.Popen[bytes]]]:
+def cluster(folder: Path) -> Iterator[tuple[str, Forked, Forked | subprocess.Popen[bytes]]]:
     """An external scheduler with one worker: (address, scheduler, worker)."""
     file = folder / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    scheduler = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "distributed.cli.dask_scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            "0",
-            "--no-dashboard",
-            "--scheduler-file",
-            str(file),
-        ],
-        **quiet,
-    )
+    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    scheduler = Forked(*options, program=DASK.format("scheduler"), **quiet)
     worker = None
     try:
         deadline = time.monotonic() + 60
@@ -187,7 +176,7 @@ def test_without_workers_or_scheduler_a_run_stops_and_says_how_to_resume(
         (worker if victim == "worker" else scheduler).kill()
         _, stderr = run.communicate(timeout=60)
     assert run.returncode == 3
-    assert f"softclose resume {store}" in stderr.decode()
+    assert f"softclose resume {store}" in stderr
     done = softclose("resume", str(store), "--serial", "--quiet")
     assert done.returncode == 0, done.stderr
     assert differences(reference_store, store) == []
@@ -203,8 +192,8 @@ def test_the_first_signal_finishes_what_is_in_flight(
     wait_for_commits(store, 2, run)
     run.send_signal(number)
     _, stderr = run.communicate(timeout=60)
-    assert run.returncode == 3, stderr.decode()
-    assert f"{number.name} received" in stderr.decode()
+    assert run.returncode == 3, stderr
+    assert f"{number.name} received" in stderr
     campaign = open_campaign(store)
     assert 2 <= campaign.committed < campaign.budget
     done = softclose("resume", str(store), "--serial", "--quiet")
@@ -505,9 +494,9 @@ def test_a_run_whose_store_is_taken_away_says_so(fate: str, tmp_path: Path) -> N
         shutil.rmtree(store, ignore_errors=True)
         shutil.rmtree(store, ignore_errors=True)
     _, stderr = run.communicate(timeout=60)
-    assert run.returncode == 3, stderr.decode()
-    assert "Traceback" not in stderr.decode()
-    assert f"{store} is gone" in stderr.decode()
-    assert "continue with" not in stderr.decode()
+    assert run.returncode == 3, stderr
+    assert "Traceback" not in stderr
+    assert f"{store} is gone" in stderr
+    assert "continue with" not in stderr
     if fate == "renamed":
         assert verify(tmp_path / "b.zarr").ok

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from campaigns import command, run_arguments, softclose
+from campaigns import run_arguments, softclose
+from forked import Forked
 from softclose.settings import load_config
 from softclose_store import DriverStore, open_campaign, store_state, verify
 from softclose_store.disk import objects
@@ -52,7 +53,7 @@ def test_a_run_that_is_killed_three_times_ends_as_a_local_one_does(
 ) -> None:
     arguments = run_arguments(s3)  # type: ignore[arg-type]
     for until in (1, 3, 5):
-        driver = subprocess.Popen(command(*arguments, "--workers", "2"), stderr=subprocess.DEVNULL)
+        driver = Forked(*arguments, "--workers", "2", stderr=subprocess.DEVNULL)
         end = time.monotonic() + 60.0
         while store_state(s3).n_committed < until:
             assert time.monotonic() < end
@@ -70,10 +71,7 @@ def test_a_run_that_is_killed_three_times_ends_as_a_local_one_does(
 @pytest.mark.slow
 def test_of_two_drivers_at_once_exactly_one_runs(s3: str, reference_store: Path, tmp_path: Path) -> None:
     create_store(load_config("current", [a for a in run_arguments(Path("x"))[5:] if a != "--set"]), s3)
-    drivers = [
-        subprocess.Popen(command("resume", s3, "--quiet", "--serial"), stderr=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
+    drivers = [Forked("resume", s3, "--quiet", "--serial", stderr=subprocess.PIPE) for _ in range(2)]
     ends = [driver.communicate(timeout=120)[1] for driver in drivers]
     codes = [driver.returncode for driver in drivers]
     assert sorted(codes) == [0, 2], ends

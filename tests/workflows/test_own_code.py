@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
 from campaigns import SMALL
 from examples import in_turn, is_whole
+from forked import Forked
 from softclose import EngineError, allow_code, load_config, plugins
 from softclose.settings import ConfigError
 from stores import differences
@@ -47,14 +47,12 @@ def softclose(folder: Path, *arguments: str, allowed: tuple[str, ...] = (), code
     """What a command says in a process of its own, which stands in the folder."""
     flags = [word for name in allowed for word in ("--allow-code", name)]
     (folder / "imported").unlink(missing_ok=True)
-    done = subprocess.run(
-        [sys.executable, "-m", "softclose_workflows", *flags, *arguments],
-        cwd=folder, capture_output=True, text=True, timeout=180, check=False,
-        env=os.environ | {plugins.ALLOWED: env, "OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
-    assert done.returncode == code, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout + done.stderr
+    environment = os.environ | {plugins.ALLOWED: env, "OMP_NUM_THREADS": "1"}
+    process = Forked(*flags, *arguments, env=environment, folder=folder, stdout=PIPE, stderr=PIPE)
+    stdout, stderr = process.communicate(timeout=180)
+    assert process.returncode == code, stderr
+    assert "Traceback" not in stderr
+    return stdout + stderr
 
 
 SETS = tuple(word for setting in SMALL for word in ("--set", setting))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import socket
 import stat
 import subprocess
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from campaigns import run_arguments, softclose_process
+from forked import Forked
 from softclose_workflows.errors import ExecutorError
 from softclose_workflows.run.certificates import make_certificates
 from softclose_workflows.run.executors.dask import remote_cluster
@@ -28,24 +30,22 @@ def _cluster(folder: Path) -> Iterator[str]:
         s.bind(("127.0.0.1", 0))
         address = f"tls://127.0.0.1:{s.getsockname()[1]}"
     environment = os.environ | {"DASK_CONFIG": str(folder), "OMP_NUM_THREADS": "1"}
-    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     port = address.rpartition(":")[2]
     commands = (
-        [*dask, "scheduler", "--protocol", "tls", "--host", "127.0.0.1", "--port", port, "--no-dashboard"],
-        [*dask, "worker", address, "--nworkers", "1", "--nthreads", "1", "--no-dashboard"],
+        ["scheduler", "--protocol", "tls", "--host", "127.0.0.1", "--port", port, "--no-dashboard"],
+        ["worker", address, "--nworkers", "1", "--nthreads", "1", "--no-dashboard"],
     )
     running = []
     try:
         for command in commands:
-            running.append(
-                subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            )
+            running.append(Forked(*command, env=environment, program="from dask.__main__ import main; main()", **quiet))
             if len(running) == 1:
                 _until_it_listens(int(port))
         yield address
     finally:
         for process in reversed(running):
-            process.terminate()
+            process.send_signal(signal.SIGTERM)
             process.wait(timeout=20)
 
 
