@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import math
 import pickle
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +19,16 @@ from examples import examples
 from softclose.baselines import deterministic_design
 from softclose.device import cost
 from softclose.evaluate import draw, respond
-from softclose.evaluate.pieces import MANY, Sent, Work, here, light, respond_to_all, rows_of_pieces
+from softclose.evaluate.pieces import (
+    MANY,
+    Sent,
+    Work,
+    here,
+    joined_judged,
+    light,
+    respond_to_all,
+    rows_of_pieces,
+)
 from softclose.settings import load_config
 
 PLAIN, SMALL = load_config("current"), ["population.n_switches=64"]
@@ -47,6 +59,18 @@ def test_large_work_has_larger_pieces(n: int, n_waveforms: int, longest: float) 
     assert 0.75 * longest < len(rows) * PLAIN.seconds_a_switch * n_waveforms <= longest
 
 
+def test_pieces_grow_only_where_there_are_many_all_the_same() -> None:
+    """Between ordinary pieces and large ones there are just so many."""
+    pieces = rows_of_pieces(PLAIN, 2_000 * MANY, n_waveforms=12)
+    assert len(pieces) == MANY
+    assert cost.PIECE_S < len(pieces[0]) * PLAIN.seconds_a_switch * 12 < cost.LARGE_PIECE_S
+
+
+def test_a_question_is_of_one_waveform_where_nothing_else_is_said() -> None:
+    assert rows_of_pieces(PLAIN, 50_000) == rows_of_pieces(PLAIN, 50_000, n_waveforms=1)
+    assert cost.rows_a_piece(1e-3) == cost.rows_a_piece(1e-3, n_waveforms=1) == 50
+
+
 def test_what_costs_more_is_cut_finer() -> None:
     """An amplifier, losses, temperatures, modes, waveforms."""
     others = [load_config(f"current-{name}") for name in ("amplifier", "damped", "temperature", "two-modes")]
@@ -56,18 +80,29 @@ def test_what_costs_more_is_cut_finer() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stated", "rows"), [(2.0, 1), (0.1, 10), (0.01, 16), (0.001, 50), (1e-9, cost.MOST_ROWS), ("slow", 50), (-1.0, 50)]
+    ("stated", "rows"),
+    [
+        *[(2.0, 1), (0.3, 3), (0.1, 10), (0.01, 16), (0.001, 50), (1e-9, cost.MOST_ROWS)],
+        *[("slow", 50), (-0.5, 50), (0.0, 50), (math.inf, 50), (math.nan, 50)],  # as if it stated none
+    ],
 )
 def test_somebody_s_model_states_what_a_trajectory_costs(
     stated: Any, rows: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = type("Model", (), {"seconds_a_trajectory": stated})()
     monkeypatch.setattr(type(cost.MODELS), "load", lambda self, name: model)
-    assert cost.rows_a_piece(cost.seconds_a_trajectory("theirs")) == rows
+    assert cost.rows_a_piece(cost.seconds_a_trajectory("theirs", lossless=True, ideal=True)) == rows
 
 
 def test_a_model_that_is_not_installed_here_states_nothing() -> None:
-    assert cost.seconds_a_trajectory("theirs") == cost.UNSTATED_S
+    assert cost.seconds_a_trajectory("theirs", lossless=True, ideal=True) == cost.UNSTATED_S
+
+
+def test_modes_cost_more_than_losses_and_losses_more_than_nothing() -> None:
+    plain, lossy = (cost.seconds_a_trajectory(cost.SINGLE_MODE, lossless=yes, ideal=True) for yes in (True, False))
+    modal = [cost.seconds_a_trajectory(cost.REDUCED_ORDER, lossless=yes, ideal=True) for yes in (True, False)]
+    assert 0.0 < plain < lossy < min(modal)
+    assert cost.seconds_a_trajectory(cost.MEASURED, lossless=True, ideal=True) == plain
 
 
 @pytest.mark.parametrize("mapper", [here, sent_off])
@@ -81,6 +116,42 @@ def test_answers_are_those_of_the_whole(mapper: Any, name: str, monkeypatch: pyt
         whole = light(respond(config, lot, WAVE))
         for name in ("max_contact_speed", "closed", "status", "settling_us"):
             np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
+
+
+def test_a_drive_for_everybody_is_tailored_to_nobody_in_its_pieces_either() -> None:
+    config = load_config("current-trim", SMALL)
+    lot = draw(config, 20, seed=1)
+    own, everybody = (
+        next(respond_to_all([Work(sent=Sent(config), lot=lot, drive=WAVE, for_everybody=yes)])).max_contact_speed
+        for yes in (False, True)
+    )
+    np.testing.assert_array_equal(everybody, respond(config, lot, WAVE, for_everybody=True).max_contact_speed)
+    assert (own != everybody).any()
+
+
+def test_what_is_judged_is_of_one_type_whatever_type_a_device_model_answers_in() -> None:
+    """Lists, or whole numbers for speeds; pieces of several models are put into arrays of one type."""
+    answer = SimpleNamespace(
+        max_contact_speed=[1, 2],
+        closed=[1, 0],
+        status=[0, 0],
+        settling_us=[50, math.inf],
+        first_contact_us=[40, 41],
+        n_impacts=[1.0, 2.0],
+        asked=None,
+    )
+    judged = light(answer)
+    types = {name: getattr(judged, name).dtype for name in vars(answer) if name != "asked"}
+    speeds = dict.fromkeys(("max_contact_speed", "settling_us", "first_contact_us"), np.dtype(np.float64))
+    whole = {"closed": np.dtype(np.bool_), "status": np.dtype(np.int8), "n_impacts": np.dtype(np.int32)}
+    assert types == speeds | whole
+
+
+def test_what_one_part_does_not_tell_is_not_told_of_them_together() -> None:
+    told = light(respond(PLAIN, draw(PLAIN, 3, seed=1), WAVE))
+    joined = joined_judged([told, replace(told, settling_us=None), told])
+    assert joined.settling_us is None
+    np.testing.assert_array_equal(joined.max_contact_speed, np.tile(told.max_contact_speed, 3))
 
 
 def test_a_configuration_is_one_object_however_many_pieces_bring_it() -> None:

@@ -33,7 +33,7 @@ MOST_ROWS = 10_000
 """Switches of the largest piece: its responses are in memory at once."""
 
 
-def seconds_a_trajectory(model: str, *, lossless: bool = True, ideal: bool = True) -> float:
+def seconds_a_trajectory(model: str, *, lossless: bool, ideal: bool) -> float:
     """What one trajectory takes, about [s]: of somebody else's model its attribute `seconds_a_trajectory`.
 
     lossless: without damping, film or adhesion; ideal: what is commanded arrives.
@@ -53,7 +53,7 @@ def rows_a_piece(seconds_a_switch: float, *, n_waveforms: int = 1, piece_s: floa
 
     piece_s: what it should take [s].
     """
-    each = seconds_a_switch * max(n_waveforms, 1)
+    each = seconds_a_switch * n_waveforms
     return min(max(math.floor(piece_s / each), fewest_rows(each)), MOST_ROWS)
 
 

@@ -125,8 +125,6 @@ def respond_to_all(works: Sequence[Work], mapper: Mapper = here) -> Iterator[Jud
 
 def joined_judged(parts: Sequence[Judged]) -> Judged:
     """What is judged of several lots, one after the other."""
-    if len(parts) == 1:
-        return parts[0]
     joined: dict[str, Any] = {}
     for field in fields(Judged):
         own = [getattr(part, field.name) for part in parts]
