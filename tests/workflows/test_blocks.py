@@ -27,7 +27,10 @@ def waves(stage: str, sizes: list[int], n_switches: int) -> list[Wave]:
         (1_000_000, [1], 1, 15_625),
         (60, [4, 4], 4, 60),
         (256, [20, 20, 7], 10, 256),  # a wave of one block, in two along its candidates
+        (256, [40, 20, 7], 10, 256),  # where one of several waves would be one
+        (256, [30, 20, 7], 10, 256),
         (256, [19, 19, 7], 19, 128),  # along its switches
+        (255, [19, 19, 7], 19, 128),
         (4_000, [1, 1], 1, 2_000),
         (3_000, [1, 1], 1, 3_000),  # halves of less than a third of a block
         (256, [20], 10, 256),
@@ -55,25 +58,37 @@ def test_what_costs_more_is_cut_finer(settings: tuple[str, ...], switches: int) 
 
 
 @given(
-    size=st.integers(1, 200),
-    n_waves=st.integers(1, 4),
+    sizes=st.lists(st.integers(1, 200), min_size=1, max_size=4) | st.integers(1, 200).map(lambda size: [size] * 3),
     last=st.integers(1, 200),
     n_switches=st.integers(1, 30_000),
     wanted=st.integers(200, 20_000),
 )
 def test_blocks_divide_the_waves_and_hold_no_more_than_was_asked_for(
-    size: int, n_waves: int, last: int, n_switches: int, wanted: int
+    sizes: list[int], last: int, n_switches: int, wanted: int
 ) -> None:
-    sizes = [*[size] * n_waves, last]
     config = load_config("current", [f"population.n_switches={n_switches}", f"compute.block_switches={wanted}"])
-    (layout,) = stage_layouts(config, waves("search", sizes, n_switches))
-    assert size % layout.block_candidates == 0
+    (layout,) = stage_layouts(config, waves("search", [*sizes, last], n_switches))
+    assert all(size % layout.block_candidates == 0 for size in sizes)
     assert layout.block_candidates == 1 or layout.block_candidates * layout.block_switches <= wanted
     assert layout.block_switches <= min(wanted, n_switches)
     n_blocks = -(-n_switches // layout.block_switches)
     assert layout.block_switches * n_blocks - n_switches < n_blocks  # equal parts, but for one switch
-    n_tasks = (size // layout.block_candidates) * n_blocks
-    assert n_tasks > 1 or n_switches == 1 or 3 * size * n_switches < 2 * wanted
+    n_tasks = min(sizes) // layout.block_candidates * n_blocks
+    assert n_tasks > 1 or n_switches == 1 or 3 * min(sizes) * n_switches < 2 * wanted
+
+
+def test_a_block_is_cut_in_two_where_each_half_is_just_a_third_of_what_it_may_hold() -> None:
+    for wanted, switches in ((3_000, 1_000), (3_001, 2_000)):
+        config = load_config("current", [f"compute.block_switches={wanted}"])
+        (layout,) = stage_layouts(config, waves("search", [1, 1], 2_000))
+        assert layout.block_switches == switches
+
+
+def test_a_stage_has_room_for_the_largest_ensemble_of_its_waves() -> None:
+    """As of a finish whose ensembles grow."""
+    growing = [wave for n in (500, 4_000, 2_000) for wave in waves("finish", [4], n)]
+    (layout,) = stage_layouts(load_config("current"), growing)
+    assert layout.n_switches == 4_000
 
 
 def test_an_ensemble_whose_blocks_cannot_be_cut_gets_one_block_more() -> None:

@@ -33,14 +33,14 @@ def stage_layouts(config: CampaignConfig, waves: Sequence[Wave]) -> tuple[StageL
         own = [wave for wave in waves if wave.stage == name]
         n_switches = max(wave.n_switches for wave in own)
         sizes, wanted = [wave.size for wave in own], config.block_switches
-        candidates = _block_candidates(sizes, n_switches, wanted)
+        usual = sizes[:-1] or sizes  # the last wave takes what remains
+        candidates = _block_candidates(usual, n_switches, wanted)
         switches = _block_switches(n_switches, wanted)
-        usual = sizes[:-1] or sizes
         is_one = min(usual) == candidates and switches == n_switches
         if is_one and SMALLEST * candidates * switches >= 2 * wanted and config.model.name != MEASURED:
             if candidates % 2 == 0:
                 candidates //= 2
-            elif n_switches > 1:
+            else:
                 switches = _block_switches(n_switches, math.ceil(n_switches / 2))
         stages.append(
             StageLayout(
@@ -66,7 +66,7 @@ def _block_switches(n_switches: int, wanted: int) -> int:
 
 
 def _block_candidates(sizes: Sequence[int], n_switches: int, wanted: int) -> int:
-    """The most candidates that fit a block and divide every wave but the stage's last, whose remainder is one more."""
-    common = math.gcd(*sizes[:-1]) if len(sizes) > 1 else sizes[0]
+    """The most candidates that fit a block and divide waves of these sizes."""
+    common = math.gcd(*sizes)
     fitting = max(1, wanted // n_switches)
     return max(d for d in range(1, min(common, fitting) + 1) if common % d == 0)
