@@ -12,6 +12,7 @@ import pytest
 
 from reported import hostile_store
 from softclose import load_config
+from softclose.metrics.objective import assess
 from softclose.waveform import Pulse, Waveform
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.analyses.distinct import distinct, last_change_us
@@ -60,6 +61,67 @@ def test_speed_and_share_open_stand_beside_those_of_both_references(kind: str, r
         for value, bounds in row["cells"]:
             assert value in first
             assert bounds in first
+    assert f"{100 * designs[0].assessment.confidence:g} % interval" in first or kind == "data"
+
+
+def test_a_campaign_without_a_usable_candidate_has_no_headline_and_a_page_that_says_so(data: ReportData) -> None:
+    n = len(data.candidates)
+    candidates = dataclasses.replace(data.candidates, failed=np.ones(n, dtype=bool))
+    none = dataclasses.replace(
+        data,
+        best=None,
+        designs=(),
+        dependence=None,
+        front=None,
+        places=(),
+        shares={},
+        samples={},
+        candidates=candidates,
+    )
+    assert headline(none) == {}
+    assert "No candidate has a usable result yet" in render_report(none)
+
+
+def test_the_share_that_is_too_fast_is_that_of_the_limit_in_its_heading(data: ReportData) -> None:
+    """The first of the limits that a campaign asks about."""
+    response = data.designs[0].response
+    told = assess(response, limits_cm_s=(10.0, 25.0))
+    assert told.p_exceed[0].limit_cm_s == 10.0 != told.p_exceed[1].limit_cm_s
+    designs = (dataclasses.replace(data.designs[0], assessment=told), *data.designs[1:])
+    top = headline(dataclasses.replace(data, designs=designs))
+    assert top["limit"] == 10.0
+    assert top["rows"][0]["cells"][3] == labels.estimated_share(
+        told.p_exceed[0].probability.estimate, *told.p_exceed[0].probability.wilson
+    )
+
+
+def test_nothing_is_said_of_pairs_where_no_switch_touches_under_both(data: ReportData) -> None:
+    none = np.full_like(data.designs[1].response.max_contact_speed, math.nan)
+    silent = dataclasses.replace(data.designs[1].response, max_contact_speed=none)  # type: ignore[type-var]
+    of_none = dataclasses.replace(data.designs[1], response=silent, assessment=assess(silent))
+    designs = (data.designs[0], of_none)
+    row = headline(dataclasses.replace(data, designs=designs))["rows"][2]
+    assert (row["pairs"], row["softer"]) == ("", "")
+
+
+def test_the_table_of_certified_designs_tells_what_training_had_promised_and_how_much_was_too_much(
+    certified: ReportData,
+) -> None:
+    """A training score and its optimism have as many digits as anybody reads: their sum is g on the new switches."""
+    c = certified.certification
+    assert c is not None
+    told = headline(certified)["certified"]
+    for row, design in zip(told["rows"], (*c.candidates, *c.references), strict=True):
+        if design.training is None:
+            assert (row["training"], row["optimism"]) == ("–", "–")
+            continue
+        assert {len(row[key].partition(".")[2]) for key in ("training", "optimism")} == {2}
+        training, optimism = (float(row[key].replace("−", "-")) for key in ("training", "optimism"))
+        assert training + optimism == pytest.approx(design.assessment.g_cm_s, abs=0.011)
+    assert told["stale"] == 0
+    earlier = dataclasses.replace(c.request, committed=c.committed - 3)
+    sooner = dataclasses.replace(certified, certification=dataclasses.replace(c, request=earlier))
+    assert headline(sooner)["certified"]["stale"] == 3
 
 
 def test_certified_differences_are_the_certificate_s(certified: ReportData) -> None:
@@ -181,9 +243,9 @@ def test_the_first_screen_says_what_the_prior_promised_and_health_how_sure_the_p
 
     text = found_by(told(0.1))
     assert (
-        "had promised g = 14.50 cm/s of it, the Gaussian process, which proposes candidates, expected 15.00 ± 0.10 cm/s"
-        in text
-    )
+        "had promised g = 14.50 cm/s of it, the Gaussian process, which proposes candidates, expected 15.00 ± 0.10 "
+        f"cm/s; it came to {many['g_cm_s'][data.best]:.2f} cm/s on the training switches."
+    ) in text
     for deviation, good in ((0.1, True), (0.02, False), (1.0, False)):
         check = checks(told(deviation))["Deviations"]
         assert check.good is good, check.said

@@ -195,6 +195,8 @@ def test_why_the_best_of_the_page_is_not_the_first_of_the_table_is_said_where_it
     said = headline(differs)["ranked"]
     assert f"candidate {first} is first" in said
     assert f"candidate {other.candidate} is the best on the {N:,} new switches" in said
+    g = {d.candidate: f"{d.assessment.g_cm_s:.2f}" for d in c.candidates}
+    assert f"(g = {g[other.candidate]} against {g[first]} cm/s)" in said
     shown = render_report(differs)
     table = shown[shown.index('id="candidates"') : shown.index('<table id="table"')]
     assert html.escape(said) in table

@@ -38,7 +38,7 @@ def headline(data: ReportData) -> dict[str, Any]:
     """Everything that the first screen says, certified figures where there are any; empty without a candidate."""
     designs, certification = data.judged_designs, data.certification
     if not designs or data.best is None:
-        return {"rows": [], "certified": None, "n": "0", "valid": True, "confidence": 95.0, "ranked": ""}
+        return {}
     best, a = designs[0], designs[0].assessment
     holds = _held(data)
     return {
