@@ -261,6 +261,30 @@ def test_a_drive_without_volts_or_without_rise_has_no_limit_to_keep():
     assert (found.volts[0], found.times[0]) == (1.2, 0.8)
 
 
+def test_a_rise_that_is_too_short_already_is_stretched_as_far_as_is_allowed():
+    asked = Scales(volts=np.array([1.2]), times=np.array([0.8]))
+    found = limited(asked, peak_V=100.0, max_volts=110.0, shortest_rise_us=0.5, min_rise_us=4.0)
+    assert (found.volts[0], found.times[0]) == (1.1, 8.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"measured": "pull-in", "pull_in_error": 0.02}, ["one measurement a part: its pull-in voltage, to 2 %"]),
+        ({"measured": "resonance", "resonance_error": 0.03}, ["one measurement a part: its resonance, to 3 %"]),
+        (
+            {"measured": "pull-in and resonance", "pull_in_error": 0.02, "resonance_error": 0.005, "bins": 16},
+            ["its pull-in voltage, to 2 %, and its resonance, to 0.5 %", "of the same of 16 bins share a drive"],
+        ),
+    ],
+)
+def test_what_each_switch_s_own_drive_rests_on_is_said(settings, said):
+    (line,) = Tailored.assumed(load_config({"trim": settings}).trim)
+    assert all(words in line for words in said)
+    assert ("bins" in line) == ("bins" in settings)
+    assert Tailored.assumed(load_config({}).trim) == []
+
+
 # What it is for.
 
 
@@ -300,6 +324,7 @@ def test_the_engines_know_the_trimmed_lot():
     ("values", "said"),
     [([[50.0]], r"shape \(1, 1\); give \(n, 2\)"), ([[-1.0, 50.0]], "pull-in voltage is -1; it must be above 0"),
      ([[50.0, math.nan]], "resonance is nan"),
+     ([[0.08, 22.0]], "pull-in voltage is 0.08, but the mean switch of 'current' has .* V: what unit"),
         ([[60.0, 21857.0]], r"resonance is 21857, but the mean switch of 'current' has 22 kHz: what unit")],
 )  # fmt: skip
 def test_measured_values_that_cannot_be_are_refused(values, said):

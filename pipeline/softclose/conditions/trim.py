@@ -89,16 +89,16 @@ class Trim:
     """The lot."""
     device: Device
     """What its switches are: the voltage at which one closes is measured in it."""
-    measured: Measured = "pull-in and resonance"
+    measured: Measured
     """What is measured: the voltage at which a switch closes when it is raised slowly, its first resonance, or both; or
     contact times only, from which `softclose.conditions.learning` estimates the two."""
-    pull_in_error: float = 0.01
+    pull_in_error: float
     """Relative standard deviation of a measured pull-in voltage."""
-    resonance_error: float = 0.01
+    resonance_error: float
     """Relative standard deviation of a measured frequency."""
-    bins: int = 0
+    bins: int
     """Bins of each measured quantity; 0: each switch by itself."""
-    scaled: Scaled = "voltage and time"
+    scaled: Scaled
     """Which of a drive's two scales its generator has."""
 
     @property
