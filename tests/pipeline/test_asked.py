@@ -11,14 +11,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from conditions_of_campaigns import CONDITIONS, DRIVE, TABLES, merged
-from softclose.evaluate import draw, judge, respond
+from softclose.evaluate import draw, evaluate, judge, respond
 from softclose.evaluate.asked import asked, told
+from softclose.evaluate.judging import judge_with
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity
 from softclose.metrics import replicates
+from softclose.metrics.control import Control
 from softclose.metrics.objective import Judged
 from softclose.plugins import QuantityError
 from softclose.settings import CampaignConfig, ConfigError, load_config
-from softclose.waveform import Waveform
+from softclose.waveform import Waveform, WaveformError
 
 N = 160
 OF_SWITCHES = [name for name, q in QUANTITIES.items() if q.per != "lot"]
@@ -121,6 +123,33 @@ def test_several_add_up_whatever_their_order() -> None:
     values = told(config, response, judge(PLAIN, response), fresh=True)
     plain = judge(PLAIN, response).g_cm_s
     assert_allclose(found, plain + sum(w * values[name].estimate for name, w in weights.items()), rtol=1e-12)
+
+
+def test_figures_of_one_quasi_random_sample_have_no_interval_and_those_of_new_switches_have() -> None:
+    """A campaign that trains on a Sobol sample and weighs a quantity: on its own switches, and on fresh ones."""
+    config = load_config({"population": {"sampling": "sobol"}, "objective": {"weights": {"hold_margin": -0.1}}})
+    response = respond(config, LOT, DRIVE)
+    for found in (judge(config, response), evaluate(config, LOT, DRIVE)):
+        assert not found.intervals_valid
+        assert np.isnan(found.g_interval).all()
+    for found in (judge(config, response, fresh=True), evaluate(config, LOT, DRIVE, fresh=True)):
+        assert found.intervals_valid
+        assert found.g_interval[0] < found.g_cm_s < found.g_interval[1]
+    with pytest.raises(WaveformError):
+        evaluate(config, LOT, DRIVE, max_volts=50.0)
+
+
+def test_a_control_variate_narrows_g_also_where_g_weighs_more() -> None:
+    """A cheap model that is the costly one, on the same switches and on many more."""
+    config = configured(weights={"hold_margin": -0.1})
+    response = respond(config, LOT, DRIVE)
+    control = Control(same=response, many=respond(PLAIN, draw(PLAIN, 3000, seed=4), DRIVE))
+    found, alone = judge_with(config, response, control), judge(config, response)
+    added = alone.g_cm_s - judge(PLAIN, response).g_cm_s
+    assert_allclose(found.g_cm_s, judge_with(PLAIN, response, control).g_cm_s + added, rtol=1e-12)
+    assert found.g_cm_s != alone.g_cm_s
+    widths = [a.g_interval[1] - a.g_interval[0] for a in (found, alone)]
+    assert widths[0] < 0.9 * widths[1]
 
 
 def test_what_is_undefined_is_no_merit() -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from softclose import assess
 from softclose.metrics import intervals
+from softclose.metrics.joined import joint, reach
 from softclose.metrics.objective import MAX_FAILED, Judged, ObjectiveError
 
 
@@ -164,6 +165,19 @@ def test_the_interval_of_g_is_v_us_widened_by_what_p_nc_may_be() -> None:
     assert a.g_interval[0] == pytest.approx(low)
     surely = a.p_nc_intervals.clopper_pearson[1]  # below ten of a kind Wilson's is too short
     assert a.g_interval[1] - a.g_cm_s == pytest.approx(math.hypot(high - a.v_u_cm_s, 25.0 * surely))
+
+
+def test_smooth_errors_join_in_quadrature_as_they_are_correlated() -> None:
+    assert [joint(3.0, 4.0, r) for r in (0.0, 1.0, -1.0)] == pytest.approx([5.0, 7.0, 1.0])
+    assert joint(0.1, 0.1, -1.0) == 0.0
+    assert joint(math.inf, 4.0, 0.0) == math.inf
+
+
+def test_the_reach_of_a_quantile_that_jumps_adds_up_whole() -> None:
+    """Zou and Donner's joint interval where V has a density at the quantile; where it jumps, either end is likely."""
+    assert [reach(3.0, 4.0, 0.0, share * 3.0) for share in (0.0, 0.5, 1.0)] == pytest.approx([5.0, 6.0, 7.0])
+    assert reach(0.0, 4.0, 0.0, 0.0) == 4.0
+    assert reach(math.inf, 4.0, 0.0, math.inf) == math.inf
 
 
 def test_zero_bounds_a_speed_that_no_draw_bounds() -> None:
