@@ -306,6 +306,40 @@ def test_bad_requests_are_refused(store: str, tmp_path: Path) -> None:
     assert "none.zarr" in nothing.stderr
 
 
+@pytest.mark.parametrize("store_trajectories", [False, True])
+def test_room_is_asked_for_as_many_designs_as_are_certified(
+    store: str, tmp_path: Path, store_trajectories: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before anything is simulated: a certificate of 10 designs with trajectories may be larger than the disk."""
+    asked: list[Any] = []
+    monkeypatch.setattr("softclose_workflows.run.needs.check_fresh", lambda *a, **k: asked.append((*a, k)))
+    copy = str(shutil.copytree(store, tmp_path / "room.zarr"))
+    result = certify(copy, n_switches=101, top=1, store_trajectories=store_trajectories)
+    ((n_switches, n_designs, about),) = asked
+    assert (n_switches, n_designs) == (101, len(result.candidates) + len(result.references))
+    assert about["path"] == copy
+    assert (about["kept"] is not None) == store_trajectories
+
+
+def test_what_takes_long_is_done_by_whoever_simulates(
+    store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The candidates, what a drive that is a little off does, and drawing many switches."""
+    asked: list[str] = []
+    monkeypatch.setattr("softclose_workflows.analyses.certify.MANY", 101)
+    monkeypatch.setattr("softclose_workflows.analyses.drive_off.QUICK_S", 0.0)
+
+    def mapper(function, pieces):  # type: ignore[no-untyped-def]
+        asked.append(function.__name__)
+        return map(function, pieces)
+
+    for n, drawn in ((101, []), (102, ["_drawn_fresh"])):
+        copy = str(shutil.copytree(store, tmp_path / f"{n}.zarr"))
+        certify(copy, n_switches=n, top=1, mapper=mapper)
+        assert asked == ["_simulate_fresh", "judged_rows", *drawn]
+        asked.clear()
+
+
 def test_a_campaign_without_candidates_cannot_be_certified(tmp_path: Path) -> None:
     store = make_campaign(tmp_path / "empty.zarr", *COARSE, run=False)
     with pytest.raises(CertifyError, match="no usable candidate yet"):
