@@ -15,7 +15,7 @@ import by_hand
 from conditions_of_campaigns import CONDITIONS, DRIVE, compatible, config
 from examples import examples, in_turn, is_whole
 from softclose import Trace
-from softclose.conditions.streams import Ensemble, Stream, StreamError, check
+from softclose.conditions.streams import BRAKE, Draw, Ensemble, Stream, StreamError, check
 from softclose.device.device import Device
 from softclose.evaluate import coordinates, draw, evaluate, realise, respond, uniforms
 from softclose.evaluate.chain import CONDITIONS as KINDS
@@ -254,6 +254,46 @@ def test_every_lot_is_made_piece_by_piece_as_in_one() -> None:
         part = draw(c, 11, seed=7, start=20, ensemble=Ensemble.CERTIFICATE)
         for column in whole:
             np.testing.assert_array_equal(part[column], whole[column][20:31])
+
+
+def test_what_fills_the_unit_cube_are_a_switch_s_own_variables_and_conditions_draw_at_random() -> None:
+    c = config("gain errors", "trim by both")
+    plain, even = (draw(c, 32, seed=3, sampling=how) for how in ("monte-carlo", "sobol"))
+    np.testing.assert_array_equal(even.switches, c.build_population().sample(32, seed=3, sampling="sobol"))
+    np.testing.assert_array_equal(even["gain"], plain["gain"])
+    assert (even["D"] != plain["D"]).all()
+    other = draw(c, 32, seed=3, sampling="sobol", ensemble=Ensemble.CERTIFICATE)
+    assert all((other[name] != even[name]).all() for name in ("D", "gain"))
+
+
+def test_another_end_of_a_simulation_is_that_of_a_campaign_with_that_horizon() -> None:
+    c = config("gain errors")
+    lot = draw(c, 8, seed=3)
+    shorter = replace(c, model=replace(c.model, horizon_us=60.0))
+    cut = respond(c, lot, DRIVE, horizon_us=60.0)
+    np.testing.assert_array_equal(cut.final_x, respond(shorter, lot, DRIVE).final_x)
+    assert (cut.final_x != respond(c, lot, DRIVE).final_x).any()
+
+
+def test_streams_keep_the_numbers_that_stores_were_written_with() -> None:
+    """A store is a function of its configuration, today as when it was begun: no number of a stream ever changes."""
+    assert {s.name: int(s) for kind in (Ensemble, Stream, Draw) for s in kind} == {
+        "TRAINING": 0,
+        "CERTIFICATE": 1,
+        "TAIL": 2,
+        "DEVICES": 7_400_000,
+        "PRIOR": 7_650_000,
+        "CONTROL": 7_920_000,
+        "LOT": 0,
+        "MEASUREMENT": 7_100_000,
+        "DRIVE": 7_200_000,
+        "TEMPERATURE": 7_300_000,
+        "TIMING": 7_500_000,
+        "MODEL_ERROR": 7_600_000,
+        "TOLERANCE": 8_000_001,
+        "SENSITIVITY": 8_000_002,
+    }
+    assert BRAKE == 19
 
 
 def test_two_streams_that_are_equal_are_an_error() -> None:

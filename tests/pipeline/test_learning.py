@@ -13,7 +13,7 @@ from softclose.conditions.streams import Ensemble
 from softclose.device.device import Device
 from softclose.evaluate import draw, evaluate, judge, respond
 from softclose.evaluate.chain import chain_of
-from softclose.evaluate.realise import actuations, draw_after
+from softclose.evaluate.realise import actuations, draw_after, n_actuations
 from softclose.population.population import index_uniforms
 from softclose.settings import load_config
 
@@ -180,15 +180,17 @@ def test_each_switch_is_learned_as_by_actuating_it_alone_through_its_amplifier(a
     np.testing.assert_allclose(lot["time_scale"], [row["b"] for row in rows], rtol=1e-6)
 
 
-def test_a_lot_after_its_actuations_is_the_lot_that_makes_them():
+@pytest.mark.parametrize("sampling", ["monte-carlo", "sobol"])
+def test_a_lot_after_its_actuations_is_the_lot_that_makes_them(sampling):
     """To the last bit, whatever is sampled of their motion; parts of the ensemble are put together."""
-    c = config("trim.actuations=7", "amplifier.gain_error=0.01")
+    c, how = config("trim.actuations=7", "amplifier.gain_error=0.01"), {"sampling": sampling}
     times = {"times_us": np.linspace(0.0, 250.0, 11), "dtype": np.float32}
-    parts = [actuations(c, 20, seed=5, start=start, **times) for start in (0, 20)]
+    parts = [actuations(c, 20, seed=5, start=start, **how, **times) for start in (0, 20)]
+    assert [len(part) for part in parts] == [n_actuations(c)] * 2
     contacts = [np.concatenate([a.response.first_contact_us for a in each]) for each in zip(*parts, strict=True)]
-    lot, after = draw(c, 40, seed=5), draw_after(c, 40, contacts, seed=5)
+    lot, after = draw(c, 40, seed=5, **how), draw_after(c, 40, contacts, seed=5, **how)
     assert list(lot) == list(after)
     for name in lot:
         assert lot[name].tobytes() == after[name].tobytes()
-    others = [a.response.first_contact_us for a in actuations(c, 40, seed=6)]
-    assert (draw_after(c, 40, others, seed=5)["threshold"] != lot["threshold"]).any(), "they are what it is told"
+    others = [a.response.first_contact_us for a in actuations(c, 40, seed=6, **how)]
+    assert (draw_after(c, 40, others, seed=5, **how)["threshold"] != lot["threshold"]).any(), "they are what it is told"

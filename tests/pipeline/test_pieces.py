@@ -135,7 +135,7 @@ def test_what_is_judged_is_of_one_type_whatever_type_a_device_model_answers_in()
         max_contact_speed=[1, 2],
         closed=[1, 0],
         status=[0, 0],
-        settling_us=[50, math.inf],
+        settling_us=[50, 60],
         first_contact_us=[40, 41],
         n_impacts=[1.0, 2.0],
         asked=None,

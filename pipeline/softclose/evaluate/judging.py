@@ -42,7 +42,7 @@ def judge(config: CampaignConfig, response: Response, *, fresh: bool = False) ->
 
 def judge_with(config: CampaignConfig, response: Response, control: Control) -> Assessment:
     """The same of a campaign's own switches, with what a cheap model says of them as control variate."""
-    return weighed(config, response, score(config, response, control=control), control=control)
+    return weighed(config, response, score(config, response, fresh=False, control=control), control=control)
 
 
 def evaluate(
@@ -52,7 +52,6 @@ def evaluate(
     *,
     max_volts: float = math.inf,
     fresh: bool = False,
-    threads: int = 1,
 ) -> Assessment:
     """Assess one waveform on a lot; see `respond` and `judge`."""
-    return judge(config, respond(config, lot, waveform, max_volts=max_volts, threads=threads), fresh=fresh)
+    return judge(config, respond(config, lot, waveform, max_volts=max_volts), fresh=fresh)

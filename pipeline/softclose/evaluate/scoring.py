@@ -10,7 +10,7 @@ from softclose.settings import CampaignConfig
 
 
 def score(
-    config: CampaignConfig, response: Response, *, fresh: bool = False, control: Control | None = None, **changes: Any
+    config: CampaignConfig, response: Response, *, fresh: bool, control: Control | None = None, **changes: Any
 ) -> Assessment:
     """Eqs. 7-11 of a response.
 
