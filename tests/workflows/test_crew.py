@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import random
@@ -24,7 +25,7 @@ from softclose.population.measurements import write_synthetic
 from softclose.settings import CampaignConfig
 from softclose.uncertainty.tolerance import DriveError
 from softclose.waveform import Trace
-from softclose_store import open_campaign
+from softclose_store import DamageError, open_campaign
 from softclose_workflows.analyses import assessed_trace, devices, drift, drive_errors, opening, tails
 from softclose_workflows.analyses.certify import certify
 from softclose_workflows.analyses.finalists import certify_within
@@ -33,8 +34,9 @@ from softclose_workflows.cli import main
 from softclose_workflows.errors import Stopped
 from softclose_workflows.report.comparison import read_entries
 from softclose_workflows.run.creation import lot_of
-from softclose_workflows.run.crew import AHEAD_PER_WORKER, LEAST_AHEAD, Crew
+from softclose_workflows.run.crew import AHEAD_PER_WORKER, LEAST_AHEAD, Crew, open_crew
 from softclose_workflows.run.executors import Executor, Placement, open_executor
+from softclose_workflows.run.executors.placement import n_cores
 from softclose_workflows.run.executors.protocol import Event, Task, run_task
 from softclose_workflows.run.faults import MAX_TRIES
 from softclose_workflows.run.stopping import StopRequest
@@ -169,11 +171,13 @@ def on(deck: Executor, stop: StopRequest | None = None) -> Crew:
     return Crew(lambda: deck, stop)
 
 
+@pytest.mark.parametrize("n_workers", [2, 20])
 @pytest.mark.parametrize("n", [0, 1, 5, 500])
-def test_answers_come_in_the_order_of_the_pieces_and_few_are_under_way(n: int) -> None:
+def test_answers_come_in_the_order_of_the_pieces_and_few_are_under_way(n: int, n_workers: int) -> None:
     deck = Deck()
+    deck.n_workers = n_workers
     assert [*on(deck)(math.sqrt, range(n))] == [math.sqrt(k) for k in range(n)]
-    assert deck.most <= max(LEAST_AHEAD, AHEAD_PER_WORKER * deck.n_workers)
+    assert deck.most == min(n, max(LEAST_AHEAD, AHEAD_PER_WORKER * n_workers))
 
 
 def test_a_question_that_was_given_up_does_not_answer_the_next() -> None:
@@ -188,7 +192,15 @@ def test_a_fault_of_the_machine_is_tried_again_and_then_ends_the_work() -> None:
         [*on(Deck([OSError("a disk")] * MAX_TRIES))(math.sqrt, [4.0])]
 
 
-@pytest.mark.parametrize("word", [CannotSimulate("no"), OpeningError("none held"), Stopped("the scheduler is gone")])
+@pytest.mark.parametrize(
+    "word",
+    [
+        CannotSimulate("no"),
+        OpeningError("none held"),
+        Stopped("the scheduler is gone"),
+        DamageError("a chunk is short"),
+    ],
+)
 def test_what_would_be_said_anywhere_is_said_at_once(word: Exception) -> None:
     deck = Deck([word] * 9)
     with pytest.raises(type(word), match=str(word)):
@@ -203,6 +215,27 @@ def test_a_signal_ends_the_work_between_two_pieces() -> None:
     stop.signal_name = "SIGINT"
     with pytest.raises(Stopped, match="SIGINT received"):
         list(answers)
+
+
+@pytest.mark.parametrize("threads", [None, 3])
+@pytest.mark.parametrize("has_store", [False, True])
+def test_a_crew_has_a_thread_for_each_core_or_as_many_as_are_asked_for_and_workers_that_reach_the_store(
+    threads: int | None, has_store: bool, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = str(folder / "plain.zarr") if has_store else ""
+    asked: list[Any] = []
+    deck = Deck()
+    monkeypatch.setattr(deck, "probe", lambda *probed: asked.append(probed))
+
+    def opened(placement: Placement, **settings: Any) -> Any:
+        asked.append(settings)
+        return contextlib.nullcontext(deck)
+
+    monkeypatch.setattr("softclose_workflows.run.crew.open_executor", opened)
+    with open_crew(Placement(), threads=threads, store=store) as crew:
+        assert [*crew(math.sqrt, [4.0])] == [2.0]
+    fingerprint = open_campaign(store).fingerprint if has_store else ""
+    assert asked == [{"threads": threads or n_cores()}, (store, fingerprint)]
 
 
 def test_a_cluster_is_not_started_for_what_is_known_already(
