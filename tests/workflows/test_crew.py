@@ -198,7 +198,7 @@ def test_a_fault_of_the_machine_is_tried_again_and_then_ends_the_work() -> None:
         CannotSimulate("no"),
         OpeningError("none held"),
         Stopped("the scheduler is gone"),
-        DamageError("a chunk is short"),
+        DamageError("a chunk"),
     ],
 )
 def test_what_would_be_said_anywhere_is_said_at_once(word: Exception) -> None:
