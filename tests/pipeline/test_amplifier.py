@@ -8,9 +8,9 @@ from unittest import mock
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import signal
 
 import by_hand
 from reference import reference
@@ -45,14 +45,14 @@ def test_both_orders_let_a_sine_of_their_bandwidth_through_at_minus_3_dB(damping
         found = deliver(a, DRIVE, 250.0)
         corner = 2.0 * math.pi * 0.08
         if order == 1:
-            system = signal.TransferFunction([corner], [1.0, corner])
+            system = scipy.signal.TransferFunction([corner], [1.0, corner])
         else:
             natural = corner / math.sqrt(1 - 2 * damping**2 + math.sqrt((1 - 2 * damping**2) ** 2 + 1))
-            system = signal.TransferFunction([natural**2], [1.0, 2.0 * damping * natural, natural**2])
-        _, magnitude = signal.freqresp(system, [corner])
+            system = scipy.signal.TransferFunction([natural**2], [1.0, 2.0 * damping * natural, natural**2])
+        _, magnitude = scipy.signal.freqresp(system, [corner])
         assert abs(magnitude[0]) == pytest.approx(math.sqrt(0.5), rel=1e-9)
         t = np.arange(0.0, 250.0, 0.01)
-        _, exact, _ = signal.lsim(system, DRIVE.voltage(t), t)
+        _, exact, _ = scipy.signal.lsim(system, DRIVE.voltage(t), t)
         np.testing.assert_allclose(found.voltage(t), exact, atol=0.03)
 
 
@@ -295,12 +295,12 @@ def by_small_steps(a: AmplifierSection, waveform: Waveform, step: float, n: int)
         return middles, u + a.offset_volts
     corner = 2.0 * math.pi * 1e-3 * a.bandwidth_kHz
     if a.order == 1:
-        system = signal.TransferFunction([corner], [1.0, corner])
+        system = scipy.signal.TransferFunction([corner], [1.0, corner])
     else:
         z = a.damping
         natural = corner / math.sqrt(1 - 2 * z**2 + math.sqrt((1 - 2 * z**2) ** 2 + 1))
-        system = signal.TransferFunction([natural**2], [1.0, 2.0 * z * natural, natural**2])
-    _, found, _ = signal.lsim(system, u, step * np.arange(n), interp=False)
+        system = scipy.signal.TransferFunction([natural**2], [1.0, 2.0 * z * natural, natural**2])
+    _, found, _ = scipy.signal.lsim(system, u, step * np.arange(n), interp=False)
     return step * np.arange(n), found + a.offset_volts
 
 
