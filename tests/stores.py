@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import random
 from pathlib import Path
 from typing import Any
@@ -16,14 +18,29 @@ def arrays_of(path: Path) -> dict[str, Any]:
     return {name: node for name, node in root.members(max_depth=None) if isinstance(node, zarr.Array)}
 
 
+def contents_of(path: Path) -> dict[str, dict[str, bytes]]:
+    """Every array below path by its name: its files by theirs."""
+    found: dict[str, dict[str, bytes]] = {}
+    for folder, _, files in os.walk(path):
+        of = Path(folder)
+        if "zarr.json" in files and json.loads((of / "zarr.json").read_bytes()).get("node_type") == "array":
+            found[of.relative_to(path).as_posix()] = {
+                file.relative_to(of).as_posix(): file.read_bytes() for file in of.rglob("*") if file.is_file()
+            }
+    return found
+
+
 def differences(a: Path, b: Path) -> list[str]:
-    """Names of arrays that differ in shape, type or any bit. Timings (`wall_*`) are left out, as the contract says."""
-    left, right = arrays_of(a), arrays_of(b)
+    """Names of arrays that differ in shape, type or any bit. Timings (`wall_*`) are left out, as the contract says.
+
+    Of arrays whose files are the same zarr reads the same: the others are read.
+    """
+    left, right = contents_of(a), contents_of(b)
     found = [f"{name} is in one store only" for name in sorted(left.keys() ^ right.keys())]
     for name in sorted(left.keys() & right.keys()):
-        if name.rpartition("/")[2].startswith("wall_"):
+        if name.rpartition("/")[2].startswith("wall_") or left[name] == right[name]:
             continue
-        x, y = np.asarray(left[name][...]), np.asarray(right[name][...])
+        x, y = (np.asarray(zarr.open_array(str(path / name), mode="r")[...]) for path in (a, b))
         if x.dtype.kind == "T":  # bytes of long text are places in memory, not characters
             same = x.shape == y.shape and x.tolist() == y.tolist()
         else:
