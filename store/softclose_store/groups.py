@@ -18,6 +18,7 @@ import zarr
 from numpy.typing import ArrayLike, NDArray
 from zarr.abc.buffer import Buffer
 from zarr.abc.store import Store
+from zarr.api.asynchronous import create_group
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
 
@@ -32,6 +33,7 @@ from softclose_store.disk.files import (
     read_key,
     write_key,
 )
+from softclose_store.disk.loop import run_here
 from softclose_store.disk.names import is_safe, ways
 from softclose_store.errors import DamageError, StoreError, StoreExistsError
 from softclose_store.listing import list_groups_again
@@ -46,6 +48,9 @@ MOST_CHUNK = 65_536
 
 TOGETHER_BYTES = 16_000_000
 """Values that are encoded together, about: their chunks on several threads, and no more of them in memory at once."""
+
+ALONE_BYTES = 1_000_000
+"""Values that this thread encodes sooner than it would hand them to others, about."""
 
 
 @runtime_checkable
@@ -178,10 +183,8 @@ def parents_of(name: str) -> list[str]:
 
 def _created(name: str, arrays: Mapping[str, GroupArray], parts: Mapping[str, Parts]) -> _Building:
     """A group of that name in memory, its arrays without values."""
-    buffers: dict[str, Buffer] = {}
-    group = zarr.create_group(MemoryStore(buffers))
-    result = group.create_group(name)
-    building = _Building(buffers)
+    building = _Building({})
+    options_of: dict[str, dict[str, Any]] = {}
     for key, array in arrays.items():
         values: NDArray[Any] | Blocks = array.values if isinstance(array.values, Blocks) else np.asarray(array.values)
         if isinstance(values, np.ndarray) and values.dtype.kind in "OTUS":
@@ -189,25 +192,29 @@ def _created(name: str, arrays: Mapping[str, GroupArray], parts: Mapping[str, Pa
         elif values.dtype.kind not in "biuf":
             raise StoreError(f"array {key} of group {name} is of type {values.dtype}; it must be numbers or text")
         is_text = values.dtype.kind == "T"
-        building.arrays[key] = (
-            values,
-            result.create_array(
-                key,
-                shape=values.shape,
-                chunks=tuple(max(1, min(n, MOST_CHUNK)) for n in values.shape),
-                dtype="str" if is_text else values.dtype,
-                dimension_names=array.dims,
-                # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
-                config={"write_empty_chunks": True},
-                fill_value="" if is_text else np.zeros((), values.dtype)[()],
-                compressors=[Crc32cCodec()]
-                if is_text or not values.shape
-                else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
-                attributes={"units": array.unit, "long_name": array.long_name},
-            ),
-        )
-    for key, part in parts.items():
-        result.create_array(key, **options(part.array, part.shape))
+        building.values[key] = values
+        options_of[key] = {
+            "shape": values.shape,
+            "chunks": tuple(max(1, min(n, MOST_CHUNK)) for n in values.shape),
+            "dtype": "str" if is_text else values.dtype,
+            "dimension_names": array.dims,
+            # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
+            "config": {"write_empty_chunks": True},
+            "fill_value": "" if is_text else np.zeros((), values.dtype)[()],
+            "compressors": [Crc32cCodec()]
+            if is_text or not values.shape
+            else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
+            "attributes": {"units": array.unit, "long_name": array.long_name},
+        }
+
+    async def create() -> None:
+        result = await (await create_group(store=building.memory)).create_group(name)
+        for key, how in options_of.items():
+            building.encoders[key] = await result.create_array(key, **how)
+        for key, part in parts.items():
+            await result.create_array(key, **options(part.array, part.shape))
+
+    run_here(create(), building.memory)
     return building
 
 
@@ -217,8 +224,14 @@ class _Building:
 
     buffers: dict[str, Buffer]
     """Of the group in memory, by key."""
-    arrays: dict[str, tuple[NDArray[Any] | Blocks, zarr.Array[Any]]] = field(default_factory=dict)
-    """Values, and the array that encodes them."""
+    values: dict[str, NDArray[Any] | Blocks] = field(default_factory=dict)
+    encoders: dict[str, zarr.AsyncArray[Any]] = field(default_factory=dict)
+    """The arrays that encode them."""
+
+    @property
+    def memory(self) -> MemoryStore:
+        """Where zarr finds it."""
+        return MemoryStore(self.buffers)
 
     def documents(self) -> dict[str, bytes]:
         """Keys and bytes of the metadata."""
@@ -226,14 +239,18 @@ class _Building:
 
     def chunks(self, key: str, prefix: str) -> Iterator[tuple[str, bytes]]:
         """Keys and bytes of the chunks of an array, a block of them in memory at a time."""
-        values, encoder = self.arrays[key]
+        values, encoder = self.values[key], self.encoders[key]
         for where in _blocks(encoder, values.dtype.itemsize):
-            encoder[where] = values[where] if isinstance(values, np.ndarray) else values.block(where)
+            block = values[where] if isinstance(values, np.ndarray) else values.block(where)
+            if block.nbytes > ALONE_BYTES:
+                zarr.Array(encoder)[where] = block
+            else:
+                run_here(encoder.setitem(where, block), self.memory)
             for chunk in sorted(k for k in self.buffers if k.startswith(f"{prefix}/{key}/c")):
                 yield chunk, self.buffers.pop(chunk).to_bytes()
 
 
-def _blocks(array: zarr.Array[Any], item_bytes: int) -> Iterator[tuple[slice, ...]]:
+def _blocks(array: zarr.AsyncArray[Any], item_bytes: int) -> Iterator[tuple[slice, ...]]:
     """Whole chunks of an array, as many along its last axis as are encoded together."""
     if not array.ndim:
         yield ()
