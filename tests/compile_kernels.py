@@ -20,6 +20,7 @@ import numpy as np
 from examples import is_whole
 from small_campaigns import FINISHED, make_campaign
 from softclose import Losses, Pulse, ReducedOrder, Waveform, simulate
+from softclose.conditions.amplifier import AmplifierSection, deliver
 from softclose.switch.reduced_order import Capacitance, Mode
 from softclose.waveform import Delivered, Fitted, Trace
 
@@ -46,6 +47,7 @@ LOSSES = {
     "two modes": {"modes": ReducedOrder(mode=MODES[:2])},
     "two modes, film": {"modes": ReducedOrder(mode=MODES[:2]), "losses": Losses(film_viscosity_uPa_s=1.0)},
 }
+Work = Callable[[], object]
 
 
 def a_campaign() -> None:
@@ -65,15 +67,19 @@ def is_rare(drive: str, losses: str) -> bool:
     return losses == "two modes, film" or not is_usual
 
 
-def works() -> dict[str, Callable[[], None]]:
+def works() -> dict[str, Work]:
     """What has to be compiled, by its name; about as long in every second as in the others."""
-    found: dict[str, Callable[[], None]] = {"pulses, none": partial(simulated, "pulses", {}), "a campaign": a_campaign}
+    found: dict[str, Work] = {
+        "pulses, none": partial(simulated, "pulses", {}),
+        "a campaign": a_campaign,
+    }
     found |= {
         f"{drive}, {name}": partial(simulated, drive, settings)
         for name, settings in LOSSES.items()
         for drive in DRIVES
         if is_whole() or not is_rare(drive, name)
     }
+    found["a slew limit"] = partial(deliver, AmplifierSection(slew_volts_per_us=10.0), PULSES, 20.0)
     found["by Runge-Kutta"] = partial(simulated, "pulses", {"method": "rk"})
     for n in (1, 2, 3) if is_whole() else (1, 2):
         modes = {"method": "rk", "modes": ReducedOrder(mode=MODES[:n])}

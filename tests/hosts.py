@@ -11,9 +11,21 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from forked import SOFTCLOSE, Forked
+
 PROGRAMS = ("ip", "unshare")
 
 FIRST = "10.77.0."
+
+THERE = """
+import ctypes, socket
+c = ctypes.CDLL(None, use_errno=True)
+with open("/run/netns/{space}") as space:
+    assert c.setns(space.fileno(), 0) == 0, ctypes.get_errno()
+assert c.unshare(0x04000000) == 0, ctypes.get_errno()  # CLONE_NEWUTS
+socket.sethostname("{name}")
+"""
+"""Goes to a host, under its name."""
 
 
 def _ip(*arguments: str, inside: str = "") -> None:
@@ -29,7 +41,7 @@ class Hosts:
 
     tag: str
     names: tuple[str, ...]
-    running: list[subprocess.Popen[str]] = field(default_factory=list)
+    running: list[subprocess.Popen[str] | Forked] = field(default_factory=list)
 
     def address(self, name: str) -> str:
         """IPv4 address of a host."""
@@ -41,6 +53,21 @@ class Hosts:
         words += ["sh", "-c", 'hostname "$0"; exec "$@"', name, *command]
         options = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL} | options
         process = subprocess.Popen(words, env=os.environ | dict(env or {}), text=True, **options)
+        self.running.append(process)
+        return process
+
+    def begin(
+        self,
+        name: str,
+        *arguments: str,
+        program: str = SOFTCLOSE,
+        env: Mapping[str, str] | None = None,
+        stderr: int = subprocess.DEVNULL,
+    ) -> Forked:
+        """As `start`, of a program that begins with its imports done (`forked.py`)."""
+        program = THERE.format(space=f"{self.tag}{name}", name=name) + program
+        environment = os.environ | dict(env or {})
+        process = Forked(*arguments, program=program, env=environment, stdout=subprocess.DEVNULL, stderr=stderr)
         self.running.append(process)
         return process
 

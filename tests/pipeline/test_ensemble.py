@@ -96,18 +96,24 @@ def assert_same_bits(a, b, rows=slice(None)):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name)[rows], err_msg=name)
 
 
-@pytest.mark.parametrize("method", ["taylor", "rk"])
-def test_a_switch_gives_the_same_bits_whatever_else_is_asked(method):
+TIMES = np.linspace(0.0, 250.0, 501)
+SINGLE = {"times_us": TIMES, "dtype": np.float32}
+MORE = ({"times_us": TIMES}, {"max_impacts": 40}, {"times_us": TIMES[::7], "max_impacts": 3, "threads": 2})
+
+
+@pytest.mark.parametrize(
+    ("method", "asked"),
+    [
+        pytest.param("taylor", (*MORE, SINGLE), id="taylor"),
+        pytest.param("rk", MORE, id="rk"),
+        pytest.param("rk", (SINGLE,), id="rk, single precision", marks=pytest.mark.long),  # a kernel of its own
+    ],
+)
+def test_a_switch_gives_the_same_bits_whatever_else_is_asked(method, asked):
     table, waveform = mixed_ensemble()
-    times = np.linspace(0.0, 250.0, 501)
     plain = simulate(table, waveform, method=method)
     assert 0.1 < plain.closed.mean() < 0.9
-    for extra in (
-        {"times_us": times},
-        {"times_us": times, "dtype": np.float32},
-        {"max_impacts": 40},
-        {"times_us": times[::7], "max_impacts": 3, "threads": 2},
-    ):
+    for extra in asked:
         assert_same_bits(simulate(table, waveform, method=method, **extra), plain)
 
 

@@ -195,7 +195,7 @@ def test_what_swings_for_ever_never_settles(watch_us: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "exponent"), in_turn((pytest.param(k, e) for e in (1.5, 1.0) for k in (1e4, 5e4, 5e5)), 4)
+    ("stiffness", "exponent"), in_turn((pytest.param(k, e) for e in (1.5, 1.0) for k in (1e4, 5e4, 5e5)), 6)
 )
 def test_a_compliant_contact_lets_go_whatever_its_indentation(
     tmp_path: Path, stiffness: float, exponent: float

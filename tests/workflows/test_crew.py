@@ -127,7 +127,7 @@ def crew(request: pytest.FixtureRequest) -> Iterator[Crew]:
 
 @pytest.mark.parametrize(
     ("crew", "name"),
-    in_turn((pytest.param(crew, name) for crew in CREWS for name in ANALYSES), 2),
+    in_turn((pytest.param(crew, name) for crew in CREWS for name in ANALYSES), 2, 1),
     indirect=["crew"],
 )
 @pytest.mark.timeout(300)

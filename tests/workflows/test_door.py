@@ -66,7 +66,7 @@ def case_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Case]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damage", in_turn(DAMAGES, 2))
+@pytest.mark.parametrize("damage", in_turn(DAMAGES, 4))
 def test_one_damaged_file_is_refused_by_name_or_makes_no_difference(damage: str, certified: Case) -> None:
     kinds = [kind for kind in KINDS if kind in certified.kinds]
     at = list(DAMAGES).index(damage)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from _pytest.mark import ParameterSet
 
 import by_hand
 from conditions_of_campaigns import CONDITIONS, DRIVE, merged
@@ -51,9 +53,12 @@ SHORT = ("trim by both", "slew and resolution", "worst temperature", "quality fa
 """Conditions of `make test`: of trim, amplifier, temperature and losses; all of them in `make long`."""
 
 
-@pytest.fixture(
-    scope="module", params=[pytest.param(n, marks=() if n in SHORT else pytest.mark.long, id=n) for n in CONDITIONS]
-)
+def of_conditions(short: Sequence[str]) -> list[ParameterSet]:
+    """All of them, those that are not short in `make long`."""
+    return [pytest.param(n, marks=() if n in short else pytest.mark.long, id=n) for n in CONDITIONS]
+
+
+@pytest.fixture(scope="module", params=of_conditions(SHORT))
 def campaign(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, CampaignConfig]:
     """A tiny campaign under each condition, run to its end in this process, its best certified."""
     data = {k: dict(v) for k, v in TINY.items()}
@@ -113,9 +118,11 @@ def test_a_race_runs_on_the_very_same_switches(campaign: tuple[str, CampaignConf
     assert raced.best.assessment == wanted.best.assessment
 
 
+@pytest.mark.parametrize("campaign", of_conditions([n for n in SHORT if n != "quality factor"]), indirect=True)
 def test_a_trace_of_a_drive_does_what_the_drive_does_where_nothing_is_tailored(
     campaign: tuple[str, CampaignConfig],
 ) -> None:
+    """With losses in `make long`: a kernel of its own has to be compiled for them."""
     from softclose import Trace
 
     path, config = campaign

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from campaigns import command, committed, softclose, until
+from campaigns import committed, softclose, until
 from hosts import PROGRAMS, Hosts, hosts_on_a_network
 from programs import require
 from softclose_store import verify
@@ -33,6 +33,7 @@ SETTINGS = (
 )
 
 PORT = "8786"
+DASK = "from dask.__main__ import main; main()"
 
 # How long a silent connection counts as alive: the least that Dask takes; half a minute by default.
 QUICK = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__TCP": "11s", "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "3s"}
@@ -64,30 +65,22 @@ def _arguments(store: Path) -> list[str]:
 
 def _cluster(hosts: Hosts, *before: str) -> str:
     """A scheduler, and a worker on each of two hosts; before: what starts the second worker."""
-    dask = [sys.executable, "-m", "dask"]
     environment = QUICK | {"OMP_NUM_THREADS": "1"}
     address = f"tcp://{hosts.address('scheduler')}:{PORT}"
-    hosts.start(
-        "scheduler",
-        *dask,
-        "scheduler",
-        "--host",
-        hosts.address("scheduler"),
-        "--port",
-        PORT,
-        "--no-dashboard",
-        env=environment,
-    )
+    listening = ["--host", hosts.address("scheduler"), "--port", PORT, "--no-dashboard"]
+    hosts.begin("scheduler", "scheduler", *listening, program=DASK, env=environment)
     for name in ("one", "two"):
-        how = before if name == "two" else ()
-        worker = [*dask, "worker", address, "--host", hosts.address(name), "--nthreads", "1", "--no-dashboard"]
-        hosts.start(name, *how, *worker, env=environment)
+        worker = ["worker", address, "--host", hosts.address(name), "--nthreads", "1", "--no-dashboard"]
+        if before and name == "two":
+            hosts.start(name, *before, sys.executable, "-m", "dask", *worker, env=environment)
+        else:
+            hosts.begin(name, *worker, program=DASK, env=environment)
     return address
 
 
 def _drive(hosts: Hosts, store: Path, address: str, *more: str) -> Any:
     arguments = [*_arguments(store), "--scheduler", address, "--plain-tcp", *more]
-    return hosts.start("driver", *command(*arguments), env=QUICK, stderr=subprocess.PIPE)
+    return hosts.begin("driver", *arguments, env=QUICK, stderr=subprocess.PIPE)
 
 
 def _ends_well(driver: Any, store: Path, local: Path) -> None:

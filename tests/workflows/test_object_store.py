@@ -105,7 +105,8 @@ def test_every_command_takes_a_url(every: bool, s3: str, small: tuple[str, ...],
     assert "0 of 60 candidates" in run("status", s3)
     run("resume", s3, "--serial", "--quiet")
     assert "60 of 60 candidates" in run("status", s3)
-    assert "60 candidates" in run("verify", s3)
+    if every:
+        assert "60 candidates" in run("verify", s3)
     best = json.loads(run("certify", s3, "--switches", "200", "--top", "2", "--json", "-q"))["candidates"][0]
     assert run("export", s3, "waveform").startswith("time_us,volts")
     if every:

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from examples import in_turn
 from small_campaigns import COARSE, make_campaign
 from softclose import load_population
 from softclose.population.measurements import write_synthetic
@@ -89,7 +90,7 @@ def test_every_function_that_takes_workers_is_tried() -> None:
     assert takers == {*FUNCTIONS, "report", "run", "resume"}
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", in_turn(FUNCTIONS, 2))
 @pytest.mark.timeout(300)
 def test_a_function_computes_where_it_is_told_and_says_the_same(
     name: str, folder: Path, asked: list[Placement], tmp_path: Path

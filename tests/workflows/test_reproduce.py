@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from examples import is_whole
 from softclose.presets import preset_names
 from softclose_workflows.cli import main
 from softclose_workflows.figures.reproduction import draw_all
@@ -63,7 +64,9 @@ def monkeypatch_module() -> Iterator[pytest.MonkeyPatch]:
 def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch_module: pytest.MonkeyPatch) -> Path:
     out = tmp_path_factory.mktemp("reproduce")
     monkeypatch_module.setattr("softclose_workflows.figures.reproduction.N_DRAWN", 3)
-    draw_all(out / "figures", reproduce(out, EFFORT, TINY))
+    rows = reproduce(out, EFFORT, TINY)
+    has_figure = [row for row in rows if row.case.figure or "3 pulses" in row.case.title]
+    draw_all(out / "figures", rows if is_whole() else [row for row in rows if row not in has_figure[1:]])
     return out
 
 

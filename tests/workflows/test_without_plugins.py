@@ -60,7 +60,7 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("export", "{store}", "waveform"),
         ("export", "{store}", "history"),
         ("report", "{store}", "-o", "{folder}/a.html"),
-        ("figures", "{store}", "-o", "{folder}/figures"),
+        ("figures", "{store}", "-o", "{folder}/figures", "--format", "png"),
         ("compare", "{store}", "{store}"),
     ],
     ids=lambda a: " ".join(a[:1] + a[2:3]),
