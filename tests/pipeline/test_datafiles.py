@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from examples import examples
 from softclose.datafiles import TableError, parsed_columns
 from softclose.datafiles.numerals import STYLES, Style
-from softclose.datafiles.units import known_unit, name_and_unit
+from softclose.datafiles.units import FACTORS, LONGEST, has_other_unit, known_unit, name_and_unit
 from softclose.population.measurements import MeasurementError, read_devices, read_measurements
 from softclose.waveform import WaveformError, read_record
 
@@ -496,6 +496,38 @@ def test_a_number_is_itself_in_every_style(x: float, style: Style) -> None:
 )
 def test_what_is_no_number_is_none(text: str) -> None:
     assert [style.value(text) for style in STYLES] == [None] * len(STYLES)
+
+
+def test_how_numbers_are_written_is_said_in_words() -> None:
+    said = [str(style) for style in STYLES]
+    assert said[:3] == ["decimal points", "decimal commas", "decimal points, commas between thousands"]
+    assert len({*said}) == len(STYLES)
+
+
+def test_every_unit_is_as_large_as_its_prefix_says() -> None:
+    """By the SI, from the letters of each unit: in µs, V, µm, kHz and N/m."""
+    prefixes = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
+    bases = {"time": "s", "voltage": "V", "length": "m", "frequency": "Hz", "stiffness": "N/m"}
+    ours = {"time": 1e-6, "voltage": 1.0, "length": 1e-6, "frequency": 1e3, "stiffness": 1.0}
+    for unit, (kind, factor) in FACTORS.items():
+        size = 1.0 / 1e-3 if unit == "N/mm" else prefixes[unit.removesuffix(bases[kind])]
+        assert factor == pytest.approx(size / ours[kind], rel=1e-12), unit
+    assert {kind for kind, _ in FACTORS.values()} == {*bases}
+
+
+def test_a_column_of_another_quantity_is_neither_time_nor_volts() -> None:
+    for heading in ("I (A)", "I [mA]", "Level (dBm)", "I in A", "in A", "I/mA", "T (°C)"):
+        assert has_other_unit(heading), heading
+    for heading in ("CH1 (V)", "t [µs]", "channel A", "trace_A", "A", "ratio"):
+        assert not has_other_unit(heading), heading
+
+
+def test_headings_are_searched_for_a_unit_up_to_one_length() -> None:
+    for unit, finds in (("V", lambda heading: name_and_unit(heading)[1] == "V"), ("A", has_other_unit)):
+        longest = f"{'x' * (LONGEST - len(unit) - 2)}({unit})"
+        assert len(longest) == LONGEST
+        assert finds(longest)
+        assert not finds(f"x{longest}")
 
 
 def test_units_are_read_from_headings() -> None:

@@ -18,7 +18,7 @@ class Style:
     """`.` or `,`."""
     thousands: str = ""
     """Signs that may stand between groups of three digits; none where empty."""
-    pattern: re.Pattern[str] = field(init=False, compare=False, repr=False)
+    pattern: re.Pattern[str] = field(init=False)
 
     def __post_init__(self) -> None:
         whole = "[0-9]+"
