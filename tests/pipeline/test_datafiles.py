@@ -7,6 +7,7 @@ import io
 import itertools
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from hypothesis import strategies as st
 
 from examples import examples
 from softclose.datafiles import TableError, parsed_columns
+from softclose.datafiles.headings import axis_units, candidates
 from softclose.datafiles.numerals import STYLES, Style
 from softclose.datafiles.units import FACTORS, LONGEST, has_other_unit, known_unit, name_and_unit
 from softclose.population.measurements import MeasurementError, read_devices, read_measurements
@@ -496,6 +498,49 @@ def test_a_number_is_itself_in_every_style(x: float, style: Style) -> None:
 )
 def test_what_is_no_number_is_none(text: str) -> None:
     assert [style.value(text) for style in STYLES] == [None] * len(STYLES)
+
+
+def numbered(*lines: str, first: int = 1) -> list[tuple[int, tuple[str, ...]]]:
+    """Lines of a file with their numbers, split at commas."""
+    return [(first + i, tuple(line.split(","))) for i, line in enumerate(lines)]
+
+
+def test_rows_of_different_length_have_the_columns_of_the_longest_and_a_comma_at_an_end_fills_none() -> None:
+    (found,) = candidates(numbered("0,5,", "1,6,,", "2,7,,9"), [], {})
+    assert (found.n_columns, found.numeric, found.filled) == (4, (0, 1), (0, 1, 3))
+    (found,) = candidates(numbered("0,5", "1,6,"), [], {})
+    assert (found.n_columns, found.numeric, found.filled) == (3, (0, 1), (0, 1))
+    assert found.name(1) == "column 2"
+
+
+def headings(*lines: str, commented: Sequence[str] = (), first: int = 1) -> list[tuple[int | None, int]]:
+    """Where headings may stand, and the index of the first row below each; comments are above the lines."""
+    return [(h.line, h.first) for h in candidates(numbered(*lines, first=first), numbered(*commented), {}) if h.line]
+
+
+def test_a_line_of_one_word_is_no_heading() -> None:
+    assert headings("Report", "t (s),U (V)", "0,5") == [(2, 2)]
+
+
+def test_a_row_is_one_of_units_where_it_says_units_and_nothing_else() -> None:
+    assert headings("t,U,n", "s,V,-", "0,5,1")[0] == (1, 2)
+    for below in ("s,V,hello", "-,-,-", ",,,", "here,there,1"):
+        assert (1, 2) not in headings("t,U,n", below, "0,5,1"), below
+
+
+def test_a_heading_in_a_comment_is_the_last_one_above_the_samples() -> None:
+    assert headings("0,5", "1,6", commented=["t (s),U (V)", "made,by hand"], first=3) == [(2, 0)]
+    below = [*numbered("t (s),U (V)"), (9, ("the", "end"))]
+    assert [h.line for h in candidates(numbered("0,5", "1,6", first=2), below, {})] == [None, 1]
+
+
+def test_units_of_an_axis_are_those_of_all_of_its_channels() -> None:
+    assert axis_units(["Horizontal Units,s", "Vertical Units,CH1:V,CH2:V"]) == {
+        "horizontal": (1, "s"),
+        "vertical": (2, "V"),
+    }
+    for line in ("Vertical Units,CH1:V,CH2:mV", "Vertical Units,dB", "Vertical Units,3"):
+        assert axis_units([line]) == {}, line
 
 
 def test_how_numbers_are_written_is_said_in_words() -> None:

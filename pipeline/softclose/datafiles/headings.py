@@ -159,7 +159,9 @@ def _without(rows: Sequence[FileLine], axes: Mapping[str, tuple[int, str]]) -> H
         for column in range(width)
         if all(column < len(fields) and is_number(fields[column]) for _, fields in rows)
     )
-    filled = tuple(column for column in range(width) if any(fields[column : column + 1] != ("",) for _, fields in rows))
+    filled = tuple(
+        column for column in range(width) if any(column < len(fields) and fields[column] for _, fields in rows)
+    )
     return Heading(line=None, names=(), units=(), n_columns=width, first=0, numeric=numeric, filled=filled, axes=axes)
 
 
