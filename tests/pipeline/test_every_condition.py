@@ -19,6 +19,7 @@ from softclose.conditions.streams import BRAKE, Draw, Ensemble, Stream, StreamEr
 from softclose.device.device import Device
 from softclose.evaluate import coordinates, draw, evaluate, realise, respond, uniforms
 from softclose.evaluate.chain import CONDITIONS as KINDS
+from softclose.evaluate.chain import chain_of
 from softclose.evaluate.pieces import here
 from softclose.evaluate.realise import column_names
 from softclose.metrics.objective import in_time
@@ -264,6 +265,12 @@ def test_what_fills_the_unit_cube_are_a_switch_s_own_variables_and_conditions_dr
     assert (even["D"] != plain["D"]).all()
     other = draw(c, 32, seed=3, sampling="sobol", ensemble=Ensemble.CERTIFICATE)
     assert all((other[name] != even[name]).all() for name in ("D", "gain"))
+
+
+def test_the_chain_of_a_configuration_is_made_once() -> None:
+    one, other = config("trim by both"), config("trim by both")
+    assert chain_of(one) is chain_of(one)
+    assert chain_of(one) is not chain_of(other)
 
 
 def test_another_end_of_a_simulation_is_that_of_a_campaign_with_that_horizon() -> None:
