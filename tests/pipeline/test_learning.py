@@ -185,8 +185,9 @@ def test_a_lot_after_its_actuations_is_the_lot_that_makes_them(sampling):
     """To the last bit, whatever is sampled of their motion; parts of the ensemble are put together."""
     c, how = config("trim.actuations=7", "amplifier.gain_error=0.01"), {"sampling": sampling}
     times = {"times_us": np.linspace(0.0, 250.0, 11), "dtype": np.float32}
-    parts = [actuations(c, 20, seed=5, start=start, **how, **times) for start in (0, 20)]
+    parts = [actuations(c, 20, seed=5, **start, **how, **times) for start in ({}, {"start": 20})]
     assert [len(part) for part in parts] == [n_actuations(c)] * 2
+    assert n_actuations(load_config({})) == 0
     contacts = [np.concatenate([a.response.first_contact_us for a in each]) for each in zip(*parts, strict=True)]
     lot, after = draw(c, 40, seed=5, **how), draw_after(c, 40, contacts, seed=5, **how)
     assert list(lot) == list(after)

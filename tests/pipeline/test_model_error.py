@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 
 from conditions_of_campaigns import DRIVE, config
 from softclose import Pulse, Waveform
-from softclose.conditions.model_error import mistaken
+from softclose.conditions.model_error import UncertainModel, mistaken
 from softclose.evaluate import draw, evaluate, respond
+from softclose.evaluate.chain import chain_of, combinations
 from softclose.evaluate.respond import respond_each
 from softclose.settings import ConfigError, load_config
 
@@ -92,6 +94,44 @@ def test_errors_are_normal_independent_and_the_same_for_every_candidate() -> Non
 def test_senseless_errors_are_refused(key: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"model_error.{key}"):
         load_config({"model_error": {key: value}})
+
+
+def test_however_wrong_the_model_is_a_switch_has_a_force_and_a_time() -> None:
+    """Normal errors have no end: -200 % is one of them."""
+    wrong = mistaken(draw(PLAIN, 4, seed=1), -2.0, -2.0)
+    for name in ("K", "M"):
+        assert (wrong[name] > 0.0).all()
+        assert np.isfinite(wrong[name]).all()
+
+
+@pytest.mark.parametrize(
+    ("errors", "said"),
+    [
+        ({"force": 0.04}, "its force by 4 % (standard deviation): the figures are those of the lots that it may be"),
+        ({"time": 0.02}, "its times by 2 % (standard deviation)"),
+        (
+            {"force": 0.04, "time": 0.02, "counts": "worst", "reach": 1.5},
+            "its force by 4 % and its times by 2 % (standard deviation): each switch counts at its worst of either "
+            "error up to 1.5 standard deviations",
+        ),
+    ],
+)
+def test_how_wrong_the_model_is_taken_to_be_is_said(errors: dict[str, Any], said: str) -> None:
+    (line,) = UncertainModel.assumed(load_config({"model_error": errors}).model_error)
+    assert said in line
+    assert UncertainModel.assumed(PLAIN.model_error) == []
+
+
+def test_every_case_of_the_worst_says_what_is_wrong_in_it() -> None:
+    c = load_config({"model_error": {"force": 0.03, "time": 0.02, "counts": "worst", "reach": 1.5}})
+    names = [case.name for chosen in combinations(chain_of(c)) for case in chosen]
+    assert names == [
+        "force +0.0 %, times +0.0 %",
+        "force -4.5 %, times +0.0 %",
+        "force +4.5 %, times +0.0 %",
+        "force +0.0 %, times -3.0 %",
+        "force +0.0 %, times +3.0 %",
+    ]
 
 
 def test_a_model_that_is_right_has_no_condition() -> None:
