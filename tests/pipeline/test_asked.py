@@ -14,7 +14,9 @@ from conditions_of_campaigns import CONDITIONS, DRIVE, TABLES, merged
 from softclose.evaluate import draw, evaluate, judge, respond
 from softclose.evaluate.asked import asked, told
 from softclose.evaluate.judging import judge_with
+from softclose.evaluate.pieces import light
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity
+from softclose.evaluate.touching import contacts
 from softclose.metrics import replicates
 from softclose.metrics.control import Control
 from softclose.metrics.objective import Judged
@@ -150,6 +152,21 @@ def test_a_control_variate_narrows_g_also_where_g_weighs_more() -> None:
     assert found.g_cm_s != alone.g_cm_s
     widths = [a.g_interval[1] - a.g_interval[0] for a in (found, alone)]
     assert widths[0] < 0.9 * widths[1]
+
+
+def test_first_contacts_and_impacts_are_told_of_those_that_touch_by_whoever_tells_them() -> None:
+    response, a = respond(PLAIN, LOT, DRIVE), judge(PLAIN, respond(PLAIN, LOT, DRIVE))
+    found = contacts(PLAIN, response, a)
+    touched = response.n_impacts > 0
+    for name, values in (("contact_time", response.first_contact_us), ("impacts", response.n_impacts)):
+        assert found[name].estimate == np.sort(values[touched])[math.ceil(a.level * touched.sum()) - 1]
+        assert found[name].interval[0] <= found[name].estimate <= found[name].interval[1]
+    even = load_config({"population": {"sampling": "sobol"}})
+    assert np.isnan(contacts(even, response, a)["contact_time"].interval).all()
+    assert contacts(even, response, a, fresh=True) == found
+    for name in ("first_contact_us", "n_impacts"):
+        assert contacts(PLAIN, replace(light(response), **{name: None}), a) == {}
+    assert contacts(load_config({"model": {"name": "measured"}}), response, a) == {}
 
 
 def test_what_is_undefined_is_no_merit() -> None:

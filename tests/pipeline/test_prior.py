@@ -29,7 +29,7 @@ from softclose.propose.prior_basins import find_basins
 from softclose.propose.promises import PriorError, PriorValues
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, seen_by
-from softclose.propose.regions import shares
+from softclose.propose.regions import RULES, region_of, shares
 from softclose.propose.stretches import run_stretch
 from softclose.settings import ConfigError, load_config
 
@@ -518,6 +518,16 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
     # What a region finds in a round counts at the end of that round.
     assert dealt(44, 4, [(2, 17.0, 30)]) == {2: 4}
     assert dealt(44, 4, [(2, 17.0, 50)]) == {1: 4}
+
+
+def test_a_region_widens_where_it_finds_better_and_shrinks_where_it_does_not():
+    """By its own records alone; candidates of one wave succeed together."""
+    found = region_of(0, numbers=[0, 1, 0, 1, 0], g=np.array([20.0, 3.0, 19.0, 2.0, 18.0]), waves=[0, 0, 1, 1, 2])
+    assert (found.number, found.incumbent, found.length) == (0, 4, 2.0 * RULES.initial)
+    together = region_of(0, numbers=[0] * 3, g=np.array([20.0, 19.0, 18.0]), waves=[0, 0, 0])
+    assert (together.incumbent, together.length) == (2, RULES.initial)
+    worse = region_of(7, numbers=[7] * 7, g=np.array([20.0, *[21.0] * 5, 20.0]), waves=[*range(7)])
+    assert (worse.number, worse.incumbent, worse.length) == (7, 0, 0.5 * RULES.initial)
 
 
 # The scale and the deviation.
