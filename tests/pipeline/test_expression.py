@@ -15,7 +15,14 @@ from hypothesis import strategies as st
 
 from examples import examples
 from softclose.population import PopulationError
-from softclose.population.expression import FUNCTIONS, ExpressionError, parsed
+from softclose.population.expression import (
+    DEEPEST,
+    FUNCTIONS,
+    MOST_CHARACTERS,
+    MOST_NODES,
+    ExpressionError,
+    parsed,
+)
 from softclose.population.formula import Formula
 
 VALUES = {"G": 3.7, "E": 78.0, "T": 1.9, "pi": math.pi}
@@ -160,7 +167,7 @@ def test_long_nesting_is_refused_before_it_is_parsed(part: str, n: int) -> None:
         ("sqrt(G, E)", "sqrt takes 1 value; it is given 2"),
         ("where(G, 1, 2)", "takes a condition"),
         ("G > 3", "is a condition, not a number"),
-        ("(G > 3) * 2", "takes numbers, not a condition"),
+        ("(G > 3) * 2", r"^\* takes numbers, not a condition"),
         ("where(1 < G < 3, 1, 2)", "chain of comparisons"),
         ("where(G > 1 and G < 3, 1, 2)", "`and` or `or`"),
         ("where(not G, 1, 2)", "`not`"),
@@ -189,6 +196,31 @@ def test_long_nesting_is_refused_before_it_is_parsed(part: str, n: int) -> None:
 def test_what_is_not_arithmetic_is_refused_by_name(text: str, said: str) -> None:
     with pytest.raises(ExpressionError, match=said):
         parsed(text)
+
+
+def _sum_of(n: int) -> str:
+    """A formula of n names, nested as little as can be."""
+    return "G" if n == 1 else f"({_sum_of(n // 2)}+{_sum_of(n - n // 2)})"
+
+
+@pytest.mark.parametrize(
+    ("largest", "larger", "said"),
+    [
+        ("G".ljust(MOST_CHARACTERS), "G".ljust(MOST_CHARACTERS + 1), "1001 characters; at most 1000 are read"),
+        ("-" + _sum_of(MOST_NODES // 2), "--" + _sum_of(MOST_NODES // 2), "more than 300 numbers, names and operators"),
+        ("-" * (DEEPEST - 1) + "G", "-" * DEEPEST + "G", "nested more than 60 levels deep"),
+        ("G**100", "G**100.5", "100.5 is too large an exponent; at most 100"),
+    ],
+)
+def test_a_formula_is_read_up_to_a_limit_that_is_said(largest: str, larger: str, said: str) -> None:
+    assert parsed(largest).names == {"G"}
+    with pytest.raises(ExpressionError, match=said):
+        parsed(larger)
+
+
+def test_a_value_is_a_float_also_where_a_formula_has_whole_numbers_only() -> None:
+    assert parsed("2")({}).dtype == np.float64
+    assert parsed("where(1 < 2, 3, 4)")({}).dtype == np.float64
 
 
 def test_no_text_of_a_file_runs_code(tmp_path: Path) -> None:
