@@ -122,15 +122,26 @@ def test_how_wrong_the_model_is_taken_to_be_is_said(errors: dict[str, Any], said
     assert UncertainModel.assumed(PLAIN.model_error) == []
 
 
+@pytest.mark.parametrize(
+    "errors",
+    [{}, {"force": 0.03}, {"time": 0.02}, {"force": 0.03, "time": 0.02}],
+    ids=lambda errors: "-".join(errors) or "none",
+)
+@pytest.mark.parametrize("counts", ["mean", "worst"])
+def test_a_switch_costs_as_many_simulations_as_it_has_cases(errors: dict[str, Any], counts: str) -> None:
+    c = load_config({"model_error": errors | {"counts": counts}})
+    assert c.n_cases == len(respond_each(c, draw(c, 2, seed=1), DRIVE))
+
+
 def test_every_case_of_the_worst_says_what_is_wrong_in_it() -> None:
-    c = load_config({"model_error": {"force": 0.03, "time": 0.02, "counts": "worst", "reach": 1.5}})
+    c = load_config({"model_error": {"force": 0.03, "time": 0.2, "counts": "worst", "reach": 1.5}})
     names = [case.name for chosen in combinations(chain_of(c)) for case in chosen]
     assert names == [
         "force +0.0 %, times +0.0 %",
         "force -4.5 %, times +0.0 %",
         "force +4.5 %, times +0.0 %",
-        "force +0.0 %, times -3.0 %",
-        "force +0.0 %, times +3.0 %",
+        "force +0.0 %, times -30.0 %",
+        "force +0.0 %, times +30.0 %",
     ]
 
 
