@@ -76,14 +76,35 @@ def test_steps_that_nothing_can_feel_leave_the_curve(waveform: Waveform, step: f
     assert np.abs(np.cumsum(off)).max() * 1e-5 < 2.0 * FELT_VOLT_US + 5e-5
 
 
-def test_fine_steps_are_told_where_a_ramp_is_flat() -> None:
+def test_a_dip_between_two_pulses_is_told_however_short_it_is() -> None:
+    """The sum of a fall and a rise turns: for some ten nanoseconds it is below the edge of a step of 3 V."""
+    falling = Pulse(0.0, 4.0, 6.0, 60.0)
+    dip = Waveform([falling, Pulse(11.0, 4.0, math.inf, 80.0)])
+    t = np.linspace(11.0, 14.0, 300_001)
+    u = dip.voltage(t)
+    least = int(np.argmin(u))
+    assert 0 < least < len(t) - 1
+    number = round(u[least] / 3.0)
+    step = (u[least] + 5e-5) / (number + 0.5)
+    below = t[u < (number + 0.5) * step]
+    assert 0.0 < below[-1] - below[0] < 0.03
+    pieces, *_ = stepped(dip, 0.0, step, 30.0)
+    (told,) = [piece for piece in pieces if piece[0] < t[least] < piece[1]]
+    assert told == pytest.approx([below[0], below[-1], number * step], abs=2e-5)
+
+
+@pytest.mark.parametrize("start", [0.0, 7.0])
+def test_fine_steps_are_told_where_a_ramp_is_flat(start: float) -> None:
     """100 V in 10 µs, steps of 0.1 V: at 5 V/µs each is 20 ns long, which is what may be left out."""
-    top = Waveform([Pulse(0.0, 10.0, math.inf, 100.04)])
+    top = Waveform([Pulse(start, 10.0, math.inf, 100.04)])
     pieces, n_ramps, ramps = stepped(top, 0.0, 0.1, 30.0)
     (curve,) = np.flatnonzero(n_ramps)
-    np.testing.assert_array_equal(ramps[curve, 0], flatten_pulses(top, 30.0)[2][0, 0])
+    np.testing.assert_array_equal(ramps[curve, 0], flatten_pulses(top, 30.0)[2][1 if start else 0, 0])
     leaves = 10.0 / math.pi * math.asin(0.1**2 / (8.0 * FELT_VOLT_US) / (5.0 * math.pi))
-    assert pieces[curve, :2] == pytest.approx([leaves, 10.0 - leaves], abs=0.05)
+    # Never where a step can be felt, and at the next of the points at which it is looked.
+    late, early = pieces[curve, 0] - (start + leaves), start + 10.0 - leaves - pieces[curve, 1]
+    assert 0.0 <= late < 0.05
+    assert 0.0 <= early < 0.05
     assert len(pieces) < 70
     assert pieces[-1, 2] == pytest.approx(100.0, abs=1e-9)
 
