@@ -116,7 +116,7 @@ def test_every_peer_has_a_search_and_packages(peers: Any, peer: Any) -> None:
     assert set(peers.PACKAGES) == set(peer.PEERS)
 
 
-@pytest.mark.parametrize("name", ["random", "cma", "skopt"])
+@pytest.mark.parametrize("name", ["random", "cma", pytest.param("skopt", marks=pytest.mark.long)])
 def test_a_search_stays_within_the_cube_and_is_a_function_of_its_seed(peer: Any, name: str) -> None:
     """Of the peers that the tests' environment has; 25 points: skopt's process leads from the 21st."""
 

@@ -309,7 +309,7 @@ def test_workers_run_descents_by_themselves_and_the_basins_are_the_same(prior, m
     ("worth", "lengths"),
     [
         # Six points on 16 switches: 33 generations each, then 66 of the better one; on 32 switches 18, then 36.
-        (10**6, [33, 33, 66, 18, 18, 36]),
+        pytest.param(10**6, [33, 33, 66, 18, 18, 36], marks=pytest.mark.long),
         (960, [*[11] * 6, 10, 10, 10, 9, 9, 9, 9, *[5] * 4, *[4] * 4, 6, *[5] * 6]),
     ],
 )

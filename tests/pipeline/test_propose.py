@@ -132,9 +132,9 @@ def test_every_origin_that_is_written_is_listed():
     few = {"model": "single-mode", "n_switches": 8, "n_exploring": 8, "budget": 24, "polish": 0, "looks": 12}
     written |= {o.origin for o in run(problem_of(budget=4, prior=few, n_regions=2))[0]}
     extended = problem_of("sobol", 8, explore={"budget": 48}, campaign={"extensions": [6, [3, 7]]})
-    again = run(extended)[0][-2:]
-    assert [o.waveform for o in again] == [run(extended)[0][i].waveform for i in (3, 7)]
-    written |= {o.origin for o in run(extended)[0]}
+    observed = run(extended)[0]
+    assert [o.waveform for o in observed[-2:]] == [observed[i].waveform for i in (3, 7)]
+    written |= {o.origin for o in observed}
     assert written <= set(ORIGINS)
     assert set(ORIGINS) - written <= {"botorch", "nsga2", "parego", "finish-extra", "by-hand"}
 

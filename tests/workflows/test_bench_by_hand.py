@@ -260,7 +260,7 @@ def action(request: pytest.FixtureRequest, mistaken: Path, tmp_path_factory: pyt
 
 @pytest.mark.parametrize("full", [False, True], ids=["killed", "full"])
 @pytest.mark.parametrize(
-    "at", in_turn([*(("inside-group", k) for k in (1, 2, 4, 8, 11, 14)), *((step, 1) for step in STEPS)], 7)
+    "at", in_turn([*(("inside-group", k) for k in (1, 2, 4, 8, 11, 14)), *((step, 1) for step in STEPS)], 14)
 )
 def test_a_change_that_is_cut_off_is_there_as_a_whole_or_not_at_all(
     at: tuple[str, int], full: bool, action: Any, store: Path, monkeypatch: pytest.MonkeyPatch

@@ -291,7 +291,7 @@ def _of_the_clock(key: str) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", in_turn(WORKS, 4))
 def test_a_kill_within_repair_extension_or_a_group_is_mended(name: str, smallest: Case, tmp_path: Path) -> None:
-    _kill_within(name, smallest, tmp_path, edge=1, step=71)
+    _kill_within(name, smallest, tmp_path, edge=1, step=131)
 
 
 @pytest.mark.long

@@ -105,7 +105,7 @@ def test_extensions_resume_replay_and_follow_each_other(store: Path, tmp_path: P
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("step", [47, pytest.param(9, marks=pytest.mark.long)])
+@pytest.mark.parametrize("step", [97, pytest.param(9, marks=pytest.mark.long)])
 def test_an_extension_that_is_cut_off_is_completed_by_whoever_next_writes(
     step: int, store: Path, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

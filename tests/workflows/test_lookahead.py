@@ -56,7 +56,7 @@ def arguments(path: Path) -> list[str]:
     return ["run", "current", "--store", str(path), "--quiet", *sets]
 
 
-@pytest.mark.parametrize("workers", [1, 2, 4])
+@pytest.mark.parametrize("workers", in_turn([1, 2, 4], 3, 1))
 def test_any_number_of_workers_gives_the_store_of_one_process(workers: int, tmp_path: Path, whole: Path) -> None:
     path, executor = made(tmp_path / "a.zarr"), ThreadExecutor(workers)
     run(path, executor)
@@ -79,7 +79,7 @@ class Gone(Exception):
     """The process is gone."""
 
 
-@pytest.mark.parametrize("wave", in_turn(range(11), 4, 2))
+@pytest.mark.parametrize("wave", in_turn(range(11), 6, 2))
 def test_a_run_that_ends_behind_any_wave_is_resumed_to_the_same_store(wave: int, tmp_path: Path, whole: Path) -> None:
     """With blocks of later waves stored, and what was proposed of them forgotten."""
     path = made(tmp_path / "a.zarr")

@@ -26,6 +26,7 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 
 from campaigns import command, softclose
+from examples import in_turn
 from reported import HOSTILE, chromium, hostile_store
 from small_campaigns import COARSE, finish, make_campaign
 from softclose_store import DamageError, DriverStore, StoreError, open_campaign
@@ -209,7 +210,7 @@ def opened(playwright: Any, profile: Path, server: Server, *, width: int, theme:
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs chromium, which is not installed")
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", in_turn(["light", "dark"], 2))
 def test_the_page_follows_a_campaign_in_a_browser(theme: str, server: Server, tmp_path: Path) -> None:
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     shutil.copytree(hostile_store(), tmp_path / "hostile.zarr")
@@ -258,7 +259,7 @@ def test_a_certificate_counts_as_soon_as_it_is_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs chromium, which is not installed")
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", in_turn(["light", "dark"], 2, 1))
 def test_many_campaigns_are_a_table_with_those_that_run_first_and_a_filter(
     theme: str, server: Server, tmp_path: Path
 ) -> None:
