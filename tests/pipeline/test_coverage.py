@@ -27,8 +27,9 @@ ON_AVERAGE = ("p_nc", "p_exceed")
 """Wilson's: right on average over p, less at some; their exact coverage is enumerated in test_intervals."""
 
 
-@pytest.mark.parametrize("name", list(coverage.LOTS))
-@pytest.mark.parametrize("n", [50, 200])
+@pytest.mark.parametrize(
+    ("name", "n"), in_turn((pytest.param(name, n) for n in (50, 200) for name in coverage.LOTS), 2)
+)
 def test_every_interval_of_a_figure_holds(name: str, n: int) -> None:
     lot = coverage.LOTS[name]
     unseen = 0.0 < lot.group < unseen_share(n)

@@ -168,8 +168,17 @@ def test_the_space_of_rare_failures_is_the_lot_with_all_that_its_conditions_draw
     assert (np.abs(space(normal)[:, 0] - speeds) > 0.05).sum() <= 1
 
 
-@pytest.mark.parametrize("name", ["trim by both", "gain errors", "clock errors", "temperature"])
-@pytest.mark.parametrize("method", ["importance", "subset"])
+@pytest.mark.parametrize(
+    ("name", "method"),
+    in_turn(
+        (
+            pytest.param(name, method)
+            for name in ("trim by both", "gain errors", "clock errors", "temperature")
+            for method in ("importance", "subset")
+        ),
+        3,
+    ),
+)
 def test_reliability_methods_agree_with_brute_force(name: str, method: str) -> None:
     c = config(name)
     limit = {"trim by both": 20.0, "temperature": 27.0}.get(name, 32.0)

@@ -290,8 +290,10 @@ def test_who_need_not_be_waited_for_is_asked_ahead_and_the_basins_are_the_same(p
 
 
 @pytest.mark.parametrize("n_elsewhere", in_turn([2, 3, 8], 3))
-@pytest.mark.parametrize(("prior", "most"), BUDGETS)
-@pytest.mark.parametrize("worth", [stretches.WORTH, 24 * 100])
+@pytest.mark.parametrize(
+    ("prior", "most", "worth"),
+    in_turn((pytest.param(*budget, worth) for budget in BUDGETS for worth in (stretches.WORTH, 24 * 100)), 3),
+)
 def test_workers_run_descents_by_themselves_and_the_basins_are_the_same(prior, most, n_elsewhere, worth, monkeypatch):
     monkeypatch.setattr(stretches, "WORTH", worth)
     monkeypatch.setattr(asked_ahead, "WORTH", 10 * worth)

@@ -12,6 +12,7 @@ from scipy.stats import beta as beta_distribution
 from scipy.stats import chi2, norm
 
 import by_hand
+from examples import in_turn
 from softclose import Waveform
 from softclose.conditions.streams import Ensemble
 from softclose.evaluate import draw, respond
@@ -401,8 +402,10 @@ def test_brute_force_is_the_share_of_fresh_switches_and_open_ones():
     assert found[0].interval[0] < found[0].probability < found[0].interval[1]
 
 
-@pytest.mark.parametrize("event", ["fast", "open"])
-@pytest.mark.parametrize("measured", ["nothing", "pull-in and resonance"])
+@pytest.mark.parametrize(
+    ("event", "measured"),
+    in_turn((pytest.param(e, m) for e in ("fast", "open") for m in ("nothing", "pull-in and resonance")), 3),
+)
 def test_sampling_agrees_with_brute_force_on_the_real_lot(event, measured):
     """Trimmed lots too, whose errors of measurement are coordinates of the space."""
     config = load_config({"trim": {"measured": measured, "pull_in_error": 0.03}})

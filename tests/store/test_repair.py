@@ -178,7 +178,9 @@ def test_lost_timings_are_said_to_be_lost(finished, original):
     assert differences(finished, original) == []
 
 
-@pytest.mark.parametrize("lost", [["records"], ["digests"], ["digests", "records"], ["digests", "words", "wall_times"]])
+@pytest.mark.parametrize(
+    "lost", in_turn([["records"], ["digests"], ["digests", "records"], ["digests", "words", "wall_times"]], 2)
+)
 @pytest.mark.parametrize("fate", ["emptied", pytest.param("deleted", marks=pytest.mark.long)])
 def test_without_its_root_a_store_still_knows_how_much_was_committed(finished, original, lost, fate):
     for key in ["zarr.json", *(f"candidates/{name}/c.0.0" for name in lost)]:
@@ -538,7 +540,7 @@ def test_digests_of_other_candidates_are_written_again_where_the_values_prove_th
     assert contents(finished) == before
 
 
-@pytest.mark.parametrize("name", [*TABLES, HYPERPARAMETER, HYPERPARAMETER_UNIT])
+@pytest.mark.parametrize("name", in_turn([*TABLES, HYPERPARAMETER, HYPERPARAMETER_UNIT], 3))
 def test_an_empty_folder_in_the_place_of_a_table_s_file_makes_way(original, tmp_path, name):
     path = Path(shutil.copytree(original, tmp_path / "a.zarr"))
     (file,) = (path / name).glob("c.*")
@@ -548,7 +550,7 @@ def test_an_empty_folder_in_the_place_of_a_table_s_file_makes_way(original, tmp_
     assert differences(original, path) == []
 
 
-@pytest.mark.parametrize("folder", ["digests", "records", "hyperparameter"])
+@pytest.mark.parametrize("folder", in_turn(["digests", "records", "hyperparameter"], 3))
 def test_a_link_in_the_place_of_a_folder_of_a_table_makes_way(original, tmp_path, folder):
     path = Path(shutil.copytree(original, tmp_path / "a.zarr"))
     outside = Path(shutil.move(path / "candidates" / folder, tmp_path / "outside"))

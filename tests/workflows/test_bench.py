@@ -117,24 +117,27 @@ def test_a_certificate_is_measured_on_other_devices_and_counts_as_any(tmp_path: 
 
 @pytest.mark.parametrize(
     ("speeds", "closed", "status"),
-    [
-        (np.ones(19), None, None),
-        (np.ones((20, 1)), None, None),
-        (-np.ones(20), None, None),
-        (np.full(20, np.inf), None, None),
-        (np.full(20, np.nan), np.ones(20, dtype=bool), None),  # closed, and no speed at all
-        (np.full(20, np.nan), None, None),  # nothing read
-        (np.ma.masked_all(20), np.ones(20, dtype=bool), None),
-        (np.ones(20), None, np.full(20, -1)),
-        (np.ones(20), None, np.full(20, 127)),
-        (np.ones(20), None, np.full(20, 0.5)),
-        (np.ones(20), np.ones(20), None),  # no truth values
-        (np.ones(20), np.ones(19, dtype=bool), None),
-        (np.ones(20), None, [1]),
-        ("fast", None, None),
-        (None, None, None),
-        ([1.0, "x"] * 10, None, None),
-    ],
+    in_turn(
+        [
+            pytest.param(np.ones(19), None, None),
+            pytest.param(np.ones((20, 1)), None, None),
+            pytest.param(-np.ones(20), None, None),
+            pytest.param(np.full(20, np.inf), None, None),
+            pytest.param(np.full(20, np.nan), np.ones(20, dtype=bool), None),  # closed, and no speed at all
+            pytest.param(np.full(20, np.nan), None, None),  # nothing read
+            pytest.param(np.ma.masked_all(20), np.ones(20, dtype=bool), None),
+            pytest.param(np.ones(20), None, np.full(20, -1)),
+            pytest.param(np.ones(20), None, np.full(20, 127)),
+            pytest.param(np.ones(20), None, np.full(20, 0.5)),
+            pytest.param(np.ones(20), np.ones(20), None),  # no truth values
+            pytest.param(np.ones(20), np.ones(19, dtype=bool), None),
+            pytest.param(np.ones(20), None, [1]),
+            pytest.param("fast", None, None),
+            pytest.param(None, None, None),
+            pytest.param([1.0, "x"] * 10, None, None),
+        ],
+        4,
+    ),
 )
 def test_measurements_that_do_not_fit_are_refused_and_nothing_is_stored(
     speeds: object, closed: object, status: object, tmp_path: Path
@@ -287,16 +290,19 @@ def test_what_another_has_committed_is_never_replaced(tmp_path: Path, released: 
 
 @pytest.mark.parametrize(
     ("source", "more", "differs"),
-    [
-        ("current-three", {}, "waveform.space"),
-        ("current", {"devices": 30}, "population.n_switches: the store has 20, this configuration 30"),
-        ("current", {"budget": 9}, "campaign.budget: the store has 2, this configuration 9"),
-        ("current", {"settings": (*SETTINGS, "waveform.max_volts=30")}, "waveform.max_volts"),
-        ("current", {"settings": ("prior.model=none",)}, "optimiser.n_initial"),
-        (None, {"settings": ("waveform.max_volts=30",)}, "waveform.max_volts"),
-        (None, {"devices": 21}, "population.n_switches"),
-        (None, {"budget": 3}, "campaign.budget"),
-    ],
+    in_turn(
+        [
+            pytest.param("current-three", {}, "waveform.space"),
+            pytest.param("current", {"devices": 30}, "population.n_switches: the store has 20, this configuration 30"),
+            pytest.param("current", {"budget": 9}, "campaign.budget: the store has 2, this configuration 9"),
+            pytest.param("current", {"settings": (*SETTINGS, "waveform.max_volts=30")}, "waveform.max_volts"),
+            pytest.param("current", {"settings": ("prior.model=none",)}, "optimiser.n_initial"),
+            pytest.param(None, {"settings": ("waveform.max_volts=30",)}, "waveform.max_volts"),
+            pytest.param(None, {"devices": 21}, "population.n_switches"),
+            pytest.param(None, {"budget": 3}, "campaign.budget"),
+        ],
+        3,
+    ),
 )
 def test_reopening_with_other_arguments_is_refused_and_says_what_differs(
     source: str | None, more: dict[str, object], differs: str, tmp_path: Path

@@ -142,7 +142,7 @@ def _run(path: Path, preset: str, *settings: str) -> None:
 ELSEWHERE = {"prior", "regression", "prices", "lot", "openings", "references"}
 
 
-@pytest.mark.parametrize("name", in_turn((n for n in preset_names() if load_config(n).model.name != MEASURED), 4))
+@pytest.mark.parametrize("name", in_turn((n for n in preset_names() if load_config(n).model.name != MEASURED), 7))
 def test_every_trajectory_of_every_preset_is_stored(name: str, tmp_path: Path, counted: Counted) -> None:
     """Counted where the device model is asked, stage by stage, and again in the store."""
     _run(tmp_path / "a.zarr", name, *_small(name))

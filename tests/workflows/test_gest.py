@@ -10,6 +10,7 @@ import pytest
 from gest_api import Generator
 from gest_api.vocs import VOCS
 
+from examples import in_turn
 from small_campaigns import make_campaign
 from softclose.metrics.ranking import rank_cm_s
 from softclose_store import open_campaign
@@ -117,7 +118,7 @@ def without(point: dict[str, Any], name: str) -> dict[str, Any]:
         (lambda p: [p], "it must be a mapping"),
     ],
 )
-@pytest.mark.parametrize("place", [0, 1, 3])
+@pytest.mark.parametrize("place", in_turn([0, 1, 3], 3, 1))
 def test_all_results_are_ingested_or_none(records: dict[str, Any], spoil: Any, words: str, place: int) -> None:
     """One without an objective lost its point for ever, and `suggest` waited for it."""
     g, twin = generator(), generator()
