@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import by_hand
+from examples import in_turn
 from reference import reference
 from softclose import Pulse, Waveform, simulate
 from softclose.conditions.amplifier import AmplifierSection, deliver
@@ -304,7 +305,7 @@ def by_small_steps(a: AmplifierSection, waveform: Waveform, step: float, n: int)
     return step * np.arange(n), found + a.offset_volts
 
 
-@pytest.mark.parametrize("limits", LIMITS, ids=str)
+@pytest.mark.parametrize("limits", in_turn(LIMITS, 2), ids=str)
 @pytest.mark.parametrize("others", [{}, {"gain": 1.03, "delay_us": 2.5, "offset_volts": -1.5}], ids=["", "gain"])
 def test_what_is_delivered_has_the_area_of_what_the_section_says(
     limits: dict[str, float], others: dict[str, float]
@@ -316,7 +317,7 @@ def test_what_is_delivered_has_the_area_of_what_the_section_says(
     assert np.abs(apart).max() < 0.01
 
 
-@pytest.mark.parametrize("limits", LIMITS, ids=str)
+@pytest.mark.parametrize("limits", in_turn(LIMITS, 3), ids=str)
 def test_switches_move_by_what_is_delivered_as_an_independent_integrator_says(limits: dict[str, float]) -> None:
     """DOP853 on the exact pieces: V within 1e-3 cm/s, polynomials or not."""
     a = AmplifierSection(**limits)  # type: ignore[arg-type]

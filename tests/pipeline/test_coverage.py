@@ -38,8 +38,9 @@ def test_every_interval_of_a_figure_holds(name: str, n: int) -> None:
             assert held >= LEAST, f"{figure} of {name} at n = {n}: {held:.3f}"
 
 
-@pytest.mark.parametrize("n", [50, 200])
-@pytest.mark.parametrize("name", in_turn(coverage.PAIRS, 2))
+@pytest.mark.parametrize(
+    ("name", "n"), in_turn((pytest.param(name, n) for n in (50, 200) for name in coverage.PAIRS), 5)
+)
 def test_every_interval_of_a_difference_holds(name: str, n: int) -> None:
     pair = coverage.PAIRS[name]
     for figure, (held, _) in coverage.pairs(name, n, N_REPETITIONS).items():
@@ -55,7 +56,7 @@ def test_every_interval_of_a_difference_holds(name: str, n: int) -> None:
             for name in ("normal", "lognormal", "slam of 5 %", "gap at the level")
             for kind in coverage.CHEAP
         ),
-        3,
+        6,
     ),
 )
 def test_every_interval_with_a_control_variate_holds(name: str, kind: str) -> None:

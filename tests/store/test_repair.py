@@ -97,7 +97,7 @@ SINGLE = (
 )
 
 
-@pytest.mark.parametrize("key", in_turn(SINGLE, 6))
+@pytest.mark.parametrize("key", in_turn(SINGLE, 12))
 def test_any_kind_of_file_is_written_again_as_it_was_and_proved(finished, original, key):
     rng = random.Random(key)
     for kind in rng.sample(["flip", "truncate", "delete", "append"], 2):
@@ -278,7 +278,7 @@ def test_a_stray_behind_a_url_is_moved_aside_too():
     assert read_key(open_files(f"{url}.strays", read_only=True), "notes.txt") == b"mine"
 
 
-@pytest.mark.parametrize("what", ["block", "proposals", "record", "population"])
+@pytest.mark.parametrize("what", in_turn(["block", "proposals", "record", "population"], 2))
 def test_a_repair_that_computes_something_else_is_refused_and_changes_nothing(finished, what):
     right = recompute()
 
