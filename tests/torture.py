@@ -70,9 +70,10 @@ def placement(plan: Plan) -> list[str]:
 
 
 def workers_of(driver: int) -> list[psutil.Process]:
-    """Worker processes of a driver."""
+    """Worker processes of a driver: those that its server of forks has forked."""
     try:
-        return [p for p in psutil.Process(driver).children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
+        family = psutil.Process(driver).children(recursive=True)
+        return [p for p in family if p.ppid() != driver and "multiprocessing.forkserver" in " ".join(p.cmdline())]
     except psutil.Error:
         return []
 

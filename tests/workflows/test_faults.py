@@ -35,6 +35,7 @@ from softclose_workflows.run.executors import Placement
 from softclose_workflows.run.extension import retry_failed
 from stores import differences, files_of
 from test_contracts import wait_for_commits
+from torture import workers_of
 
 
 def start(store: Path, *arguments: str) -> Forked:
@@ -296,6 +297,7 @@ def test_everything_that_listens_listens_on_loopback(tmp_path: Path) -> None:
     try:
         wait_for_commits(store, 1, run)
         family = [psutil.Process(run.pid), *psutil.Process(run.pid).children(recursive=True)]
+        assert 1 <= len(workers_of(run.pid)) <= 2, "what `make torture` kills"
         listening = {
             c.laddr.ip for p in family for c in p.net_connections(kind="inet") if c.status == psutil.CONN_LISTEN
         }
