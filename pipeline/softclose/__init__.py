@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-ALGORITHM = "7"
+ALGORITHM = "8"
 """Version of what is proposed and simulated: raised whenever the same configuration would give another store. Part of a
 campaign's identity."""
 

@@ -29,7 +29,7 @@ from softclose.propose.prior_basins import find_basins
 from softclose.propose.promises import PriorError, PriorValues
 from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, seen_by
-from softclose.propose.regions import RULES, region_of, shares
+from softclose.propose.regions import RULES, region_of, rounds_of, shares
 from softclose.propose.stretches import run_stretch
 from softclose.settings import ConfigError, load_config
 
@@ -510,7 +510,7 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
     def dealt(start, size, more=(), in_flight=()):
         numbers, g, indices = zip(*records, *more, strict=True)
         known = {"numbers": numbers, "g": np.array(g), "indices": indices}
-        return {who: n for who, n in shares(problem, start=start, size=size, **known, in_flight=in_flight).items() if n}
+        return {who: n for who, n in shares(rounds_of(problem), start=start, size=size, **known, in_flight=in_flight).items() if n}
 
     assert dealt(4, 4) == {0: 1, 1: 1, 2: 1, 3: 1}
     assert dealt(4, 2) == {1: 1, 2: 1}

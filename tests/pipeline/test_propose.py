@@ -78,7 +78,7 @@ def test_candidates_in_flight_are_not_proposed_twice(engine):
 
 def test_the_candidates_of_a_batch_know_of_each_other_and_of_those_in_flight():
     """Each is taken on trust by the next: without that, all of a batch would be the same point."""
-    problem = problem_of(budget=24, batch=4)
+    problem = problem_of(budget=24, batch=4, n_starts=1)
     history, proposals = run(problem)
     wave = plan(problem)[-1]
     points = np.array([problem.space.unit(p.waveform, clip=True) for p in proposals[wave.start : wave.stop]])
@@ -122,6 +122,7 @@ def test_every_origin_that_is_written_is_listed():
             explore={"budget": 48 if engine == "sobol" else 0},
             finish={"budget": 12},
             waveform={"initial": [[[0, 4, 3, 100], [20, 5, "hold", 80]]]} if engine == "sobol" else None,
+            n_starts=1,
             length_min=0.3,
             failure_tolerance=1,
             improvement_cm_s=100.0,

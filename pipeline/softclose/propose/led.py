@@ -22,7 +22,7 @@ from softclose.propose.inputs import SWING
 from softclose.propose.origins import BASIN, FALLBACK, LOCAL
 from softclose.propose.promises import Basins
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, search_history
-from softclose.propose.regions import REGION, Region, region_of, shares
+from softclose.propose.regions import REGION, Region, region_of, rounds_of, shares
 from softclose.propose.surrogate import surrogate_inputs
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
@@ -96,7 +96,7 @@ def propose_led(
     records = [history[i] for i in places]
     flying = np.clip(problem.space.coordinates_of_all(pending)[0], 0.0, 1.0)
     dealt = shares(
-        problem,
+        rounds_of(problem),
         start=wave.start,
         size=wave.size,
         numbers=numbers,

@@ -28,6 +28,16 @@ RULES = TrustRegionRules(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Rounds:
+    """How many regions share the candidates, round by round."""
+
+    counts: tuple[int, ...]
+    """Regions of each round."""
+    ends: tuple[int, ...]
+    """The index at which each ends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
     """One trust region after the records."""
 
@@ -40,7 +50,7 @@ class Region:
 
 
 def shares(
-    problem: Problem,
+    rounds: Rounds,
     *,
     start: int,
     size: int,
@@ -54,31 +64,37 @@ def shares(
     numbers, g [cm/s], indices: region, objective and index of every record that is known; in_flight: the region of
     every candidate that is proposed and not known.
     """
-    counts, ends = _rounds(problem)
-    now = sum(start >= end for end in ends[:-1])
-    begin = ends[now - 1] if now else 0
+    now = sum(start >= end for end in rounds.ends[:-1])
+    begin = rounds.ends[now - 1] if now else 0
     best: dict[int, float] = {}
     had = Counter(in_flight)
     for number, value, index in zip(numbers, g, indices, strict=True):
         had[number] += 1
         if not now or index < begin or number not in best:
             best[number] = min(best.get(number, np.inf), float(value))
-    alive = sorted(best, key=lambda number: (best[number], number))[: counts[now]]
+    alive = sorted(best, key=lambda number: (best[number], number))[: rounds.counts[now]]
     found: Counter[int] = Counter()
     for _ in range(size):
         found[min(alive, key=lambda number: (had[number] + found[number], best[number], number))] += 1
     return found
 
 
-def _rounds(problem: Problem) -> tuple[list[int], list[int]]:
-    """Regions of each round, and the index at which each ends."""
+def rounds_of(problem: Problem) -> Rounds:
+    """With a prior: rounds of equal budgets."""
     settings = problem.config.optimiser
     first = problem.n_initial_waveforms + settings.n_regions
-    counts = [settings.n_regions]
-    while counts[-1] > 1 and len(counts) < settings.rounds:
-        counts.append(max(counts[-1] // 2, 1))
+    counts = halved(settings.n_regions)[: settings.rounds]
     rest = problem.config.campaign.budget - first
-    return counts, [first + round(rest * (k + 1) / len(counts)) for k in range(len(counts))]
+    ends = tuple(first + round(rest * (k + 1) / len(counts)) for k in range(len(counts)))
+    return Rounds(counts=tuple(counts), ends=ends)
+
+
+def halved(n: int) -> list[int]:
+    """n, half of it, and so on to 1."""
+    counts = [n]
+    while counts[-1] > 1:
+        counts.append(counts[-1] // 2)
+    return counts
 
 
 def region_of(number: int, *, numbers: Sequence[int], g: FloatArray, waves: Sequence[int]) -> Region:

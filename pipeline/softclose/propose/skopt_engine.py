@@ -22,7 +22,9 @@ from softclose.propose.deviation import FACTOR, PREDICTED, PREDICTED_SD, too_sur
 from softclose.propose.inputs import SWING
 from softclose.propose.origins import FALLBACK, LOCAL, POLISH, RESTART, SOBOL
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, search_history
+from softclose.propose.regions import REGION
 from softclose.propose.sobol import sobol_points
+from softclose.propose.starts import Starts, starts_of
 from softclose.propose.trust_region import TrustRegion, TrustRegionRules, replay
 from softclose.waveform import Waveform
 
@@ -87,19 +89,39 @@ class SkoptEngine:
         data = collect(problem, search)
         if len(data.g) < 2:
             return proposals(design(wave.start), FALLBACK, note="fewer than two usable candidates")
-        region = replay(data.g.tolist(), data.origins, _rules(problem), data.waves)
+        starts = starts_of(problem, data, _rules(problem), start=wave.start, size=wave.size, pending=pending)
+        region = starts.regions[starts.first]
         since = wave.start - (int(data.indices[region.begin - 1]) + 1 if region.begin else 0)
         if region.begin and (since < settings.n_restart or region.incumbent is None):
             return proposals(design(since, f"again{region.restarts}", region.restarts % 2), RESTART)
         draw = problem.generator("acquire", wave.start)
         try:
             factor = too_sure([o for o in search if o.usable])
-            points, beliefs = acquire(problem, data, region, pending, wave.size, draw, factor)
+            points, beliefs = _acquire(problem, data, starts, pending, draw, factor)
         except (np.linalg.LinAlgError, ValueError, FloatingPointError) as e:
             best = data.points[int(np.argmin(data.g))]
             near = best + 0.25 * region.length * draw.standard_normal((wave.size, space.dim))
             return proposals(near, FALLBACK, note=f"surrogate failed ({type(e).__name__}: {e})"[:200])
         return proposals(points, LOCAL, beliefs)
+
+
+def _acquire(
+    problem: Problem,
+    data: SurrogateData,
+    starts: Starts,
+    pending: Sequence[Waveform],
+    draw: np.random.Generator,
+    factor: float,
+) -> tuple[FloatArray, list[Beliefs]]:
+    """The points of each region, those of the regions before it in flight, and what is believed of them."""
+    found = np.empty((0, problem.space.dim))
+    beliefs: list[Beliefs] = []
+    for number in sorted(starts.dealt):
+        in_flight = [*pending, *problem.space.waveforms(found)]
+        points, own = acquire(problem, data, starts.regions[number], in_flight, starts.dealt[number], draw, factor)
+        found = np.vstack([found, points])
+        beliefs += [b | {REGION: float(number)} for b in own]
+    return found, beliefs
 
 
 def polish(problem: Problem, wave: Wave, finished: Sequence[Observation], pending: Sequence[Waveform]) -> FloatArray:

@@ -24,6 +24,7 @@ from softclose.arrays import FloatArray
 from softclose.metrics.ranking import levelled
 from softclose.propose.evidence import Evidence
 from softclose.propose.protocol import Observation, Problem
+from softclose.propose.regions import REGION
 from softclose.propose.swing import FARTHEST, free_swing
 
 JITTER = 1e-8
@@ -128,6 +129,8 @@ class SurrogateData:
     origins: tuple[str, ...]
     indices: NDArray[np.int64]
     waves: tuple[int, ...]
+    regions: FloatArray
+    """(n,) number of the trust region that each was proposed for; NaN where it was for none."""
 
 
 def collect(problem: Problem, history: Sequence[Observation]) -> SurrogateData:
@@ -143,6 +146,7 @@ def collect(problem: Problem, history: Sequence[Observation]) -> SurrogateData:
         origins=tuple(o.origin for o in kept),
         indices=np.array([o.index for o in kept], dtype=np.int64),
         waves=tuple(o.wave for o in kept),
+        regions=np.array([o.beliefs.get(REGION, math.nan) for o in kept]),
     )
 
 

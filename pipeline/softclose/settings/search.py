@@ -35,10 +35,14 @@ class OptimiserSection:
     """With a prior: trust regions of the process, one a basin of the prior; each has a candidate in the first wave."""
     rounds: Annotated[int, Field(ge=1, le=16, strict=True)] = 3
     """With a prior: rounds of equal budgets; after each the better half of the trust regions goes on."""
+    n_starts: Annotated[int, Field(ge=1, le=64, strict=True)] = 4
+    """Without a prior: trust regions, around the best points of the design. Halving them has a quarter of the
+    candidates; the last one has the rest."""
     n_restart: Annotated[int, Field(ge=2, le=MAX_COUNT, strict=True)] = 8
-    """Space-filling candidates after the trust region has shrunk to nothing, before it starts again elsewhere."""
+    """Space-filling candidates after a single trust region has shrunk to nothing, before it starts again elsewhere."""
     fresh_every: Count = 1
-    """Every so many restarts begin elsewhere; the others open the trust region again around the best candidate."""
+    """Every so many restarts of a single trust region begin elsewhere; the others open it again around the best
+    candidate, as one of several always does."""
     n_candidates: Annotated[int, Field(ge=16, le=100_000, strict=True)] = 2000
     """Points at which the acquisition is screened."""
     fit_iterations: Count = 20
