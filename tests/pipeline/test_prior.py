@@ -510,7 +510,8 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
     def dealt(start, size, more=(), in_flight=()):
         numbers, g, indices = zip(*records, *more, strict=True)
         known = {"numbers": numbers, "g": np.array(g), "indices": indices}
-        return {who: n for who, n in shares(rounds_of(problem), start=start, size=size, **known, in_flight=in_flight).items() if n}
+        found = shares(rounds_of(problem), start=start, size=size, **known, in_flight=in_flight)
+        return {who: n for who, n in found.items() if n}
 
     assert dealt(4, 4) == {0: 1, 1: 1, 2: 1, 3: 1}
     assert dealt(4, 2) == {1: 1, 2: 1}

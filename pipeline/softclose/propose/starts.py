@@ -52,7 +52,13 @@ def rounds_of(problem: Problem, n_starts: int) -> Rounds:
 
 
 def starts_of(
-    problem: Problem, data: SurrogateData, rules: TrustRegionRules, *, start: int, size: int, pending: Sequence[Waveform]
+    problem: Problem,
+    data: SurrogateData,
+    rules: TrustRegionRules,
+    *,
+    start: int,
+    size: int,
+    pending: Sequence[Waveform],
 ) -> Starts:
     """The regions that have the candidates from `start` on, each with its share and its state after the records.
 
@@ -79,7 +85,7 @@ def starts_of(
 
 
 def _begun(data: SurrogateData, n_initial: int, n_starts: int) -> list[int]:
-    """Positions of the best records of the design that are apart from each other; of all, where none of it is usable."""
+    """Positions of the best records of the design that are apart from each other; of all where it has no usable one."""
     design = np.flatnonzero(data.indices < n_initial)
     if not len(design):
         design = np.arange(len(data.g))
