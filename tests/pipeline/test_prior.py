@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from bowl import proposed
 from examples import examples, in_turn
@@ -20,7 +22,7 @@ from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
 from softclose.propose import asked_ahead, stretches
 from softclose.propose import prior as prior_module
-from softclose.propose.correction import ArsinhScale, trend
+from softclose.propose.correction import CONSTANT_SD, RESIDUAL_SD, RHO_SD, ArsinhScale, Known, Looks, trend
 from softclose.propose.descents import Descent
 from softclose.propose.deviation import COUNTS_AS, TOO_SURE, too_sure
 from softclose.propose.plan import plan
@@ -531,6 +533,10 @@ def test_a_region_widens_where_it_finds_better_and_shrinks_where_it_does_not():
     assert (together.incumbent, together.length) == (2, RULES.initial)
     worse = region_of(7, numbers=[7] * 7, g=np.array([20.0, *[21.0] * 5, 20.0]), waves=[*range(7)])
     assert (worse.number, worse.incumbent, worse.length) == (7, 0, 0.5 * RULES.initial)
+    patient = region_of(7, numbers=[7] * 6, g=np.array([20.0, *[21.0] * 5]), waves=[*range(6)])
+    assert patient.length == RULES.initial
+    lucky = region_of(0, numbers=[0] * 40, g=np.arange(40.0, 0.0, -1.0), waves=[*range(40)])
+    assert lucky.length == RULES.largest < 0.5, "a search does not leave the cube"
 
 
 # The scale and the deviation.
@@ -554,6 +560,56 @@ def test_the_trend_is_held_at_the_prior_and_follows_many_candidates():
     assert trend(np.array([0.3]), np.array([0.0]))[0] == pytest.approx(1.0, abs=0.01)
     rho, constant = trend(0.6 * z + 0.2, z)
     assert (rho, constant) == (pytest.approx(0.6, abs=0.05), pytest.approx(0.2, abs=0.02))
+
+
+def test_the_trend_is_the_likeliest_where_bad_candidates_count_little():
+    """The oracle minimises the sum of squares in its own words."""
+    rng = np.random.default_rng(3)
+    prior = rng.uniform(-1.0, 3.0, 12)
+    z = 0.7 * prior + 0.3 + 0.2 * rng.standard_normal(12)
+
+    def misfit(both):
+        rho, constant = both
+        away = (z - rho * prior - constant) / RESIDUAL_SD
+        return (
+            (away**2 / (1.0 + np.maximum(z, 0.0) ** 2)).sum()
+            + ((rho - 1.0) / RHO_SD) ** 2
+            + (constant / CONSTANT_SD) ** 2
+        )
+
+    assert trend(z, prior) == pytest.approx(tuple(minimize(misfit, (1.0, 0.0)).x), abs=1e-4)
+
+
+def test_what_is_near_comes_in_the_order_of_its_distance_itself_first():
+    points = np.array([[0.9, 0.1], [0.5, 0.5], [0.5, 0.6], [0.1, 0.5], [0.5, 0.4]])
+    g = np.arange(5.0)
+    near = Known(points=points, inputs=10.0 * points, g_cm_s=g, prior_g_cm_s=-g).nearest(1, 4)
+    assert near.g_cm_s.tolist() == [1.0, 2.0, 4.0, 3.0]
+    np.testing.assert_array_equal(near.points, points[[1, 2, 4, 3]])
+    np.testing.assert_array_equal(near.inputs, 10.0 * near.points)
+    np.testing.assert_array_equal(near.prior_g_cm_s, -near.g_cm_s)
+
+
+def test_nothing_overflows_however_far_from_the_best_a_point_is():
+    scale = ArsinhScale(best_cm_s=15.0)
+    for mean in (-1e3, 1e3):
+        expected, deviation = scale.g(np.array([mean]), np.array([50.0]))
+        assert np.isfinite([expected[0], deviation[0]]).all()
+        assert np.sign(expected[0] - 15.0) == np.sign(mean)
+
+
+def test_the_expected_improvement_is_what_a_sample_improves_on_average():
+    """On the incumbent, which is 0 on the scale; a point without a prior is never taken."""
+    mean, sd = np.array([-0.5, 0.2, 1.0, np.nan]), np.array([0.3, 0.5, 0.4, 0.4])
+    told = SimpleNamespace(predict=lambda _: (2.0 * mean, 2.0 * sd))
+    around = SimpleNamespace(trend=lambda g: g, spread=0.5)
+    looks = Looks(correction=around, screened=told, prior_g_cm_s=np.array([0.0, 0.1, -0.2, 0.0]))
+    sample = looks.prior_g_cm_s + mean + sd * np.random.default_rng(5).standard_normal((400_000, 4))
+    found = looks.improvement()
+    np.testing.assert_allclose(found[:3], np.maximum(-sample, 0.0).mean(axis=0)[:3], rtol=0.01)
+    assert found[3] == -np.inf
+    np.testing.assert_allclose(looks.bound(2.0)[:3], (looks.prior_g_cm_s + mean - 2.0 * sd)[:3])
+    assert looks.bound(2.0)[3] == np.inf
 
 
 def test_the_deviation_grows_with_the_errors_that_were_seen():
