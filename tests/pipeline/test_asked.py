@@ -19,6 +19,7 @@ from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity
 from softclose.evaluate.touching import contacts
 from softclose.metrics import replicates
 from softclose.metrics.control import Control
+from softclose.metrics.intervals import normal_quantile
 from softclose.metrics.objective import Judged
 from softclose.plugins import QuantityError
 from softclose.settings import CampaignConfig, ConfigError, load_config
@@ -80,6 +81,13 @@ def test_g_weighs_a_quantity_by_its_value(name: str) -> None:
     assert low < found.g_cm_s < high
     # Bonferroni: the parts at twice the certainty, so the whole is wider than the plain one about its own value.
     assert high - low >= plain.g_interval[1] - plain.g_interval[0]
+    sure = 1.0 - (1.0 - plain.confidence) / 2.0
+    strict = judge(replace(config, objective=replace(config.objective, confidence=sure)), response)
+    values = told(config, response, strict, fresh=True)
+    width = np.diff(values[name].interval)[0] if name in values else math.inf
+    if math.isfinite(width):
+        error = 0.5 * 0.3 * width / normal_quantile(sure)
+        assert_allclose(found.g_se_cm_s, plain.g_se_cm_s + error, rtol=1e-12)
     assert (found.v_u_cm_s, found.p_nc) == (plain.v_u_cm_s, plain.p_nc)
 
 
