@@ -534,6 +534,22 @@ def test_a_heading_in_a_comment_is_the_last_one_above_the_samples() -> None:
     assert [h.line for h in candidates(numbered("0,5", "1,6", first=2), below, {})] == [None, 1]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time_us;volts_V\n0;0\n999;80\n1,000;70\n",  # 1 after 999 would go back in time
+        "sep=;\ntime_us;volts_V\n0;0\n999;80\n1000;70\n",  # a spreadsheet's own first line
+        "time_us;volts_V\n0;0\n999;80\n1000;70\n",
+    ],
+)
+def test_of_two_ways_to_read_a_record_the_one_counts_in_which_time_goes_on(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "record.csv"
+    file.write_text(text, encoding="utf-8")
+    trace = read_record(file).trace
+    np.testing.assert_array_equal(trace.times_us, [0.0, 999.0, 1000.0])
+    np.testing.assert_array_equal(trace.volts, [0.0, 80.0, 70.0])
+
+
 def test_units_of_an_axis_are_those_of_all_of_its_channels() -> None:
     assert axis_units(["Horizontal Units,s", "Vertical Units,CH1:V,CH2:V"]) == {
         "horizontal": (1, "s"),
