@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from examples import examples
 from softclose.datafiles import TableError, parsed_columns
+from softclose.datafiles.decoding import decoded
 from softclose.datafiles.headings import axis_units, candidates
 from softclose.datafiles.numerals import STYLES, Style
 from softclose.datafiles.units import FACTORS, LONGEST, has_other_unit, known_unit, name_and_unit
@@ -532,6 +533,46 @@ def test_a_heading_in_a_comment_is_the_last_one_above_the_samples() -> None:
     assert headings("0,5", "1,6", commented=["t (s),U (V)", "made,by hand"], first=3) == [(2, 0)]
     below = [*numbered("t (s),U (V)"), (9, ("the", "end"))]
     assert [h.line for h in candidates(numbered("0,5", "1,6", first=2), below, {})] == [None, 1]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"PK\x03\x04", "is a spreadsheet or a ZIP archive; save it as CSV"),
+        (b"\xd0\xcf\x11\xe0", "is an old Excel file; save it as CSV"),
+        (b"\x1f\x8b", "is compressed by gzip; unpack it"),
+        (b"\x89HDF", "is an HDF5 file; export it as CSV"),
+        (b"%PDF-1.7", "is a PDF"),
+        (b"t,U\n\0\0\0\0", "is not text: it has zero bytes"),
+    ],
+)
+def test_what_is_no_text_is_said_with_what_to_do(data: bytes, said: str, tmp_path: Path) -> None:
+    file = tmp_path / "record"
+    file.write_bytes(data)
+    with pytest.raises(TableError, match=f"^{re.escape(str(file))} {said}$"):
+        decoded(file)
+
+
+def test_a_file_that_is_none_is_said_once(tmp_path: Path) -> None:
+    for path, said in ((tmp_path, "it is not a plain file"), (tmp_path / "none.csv", "no such file")):
+        with pytest.raises(TableError, match=f"^{re.escape(str(path))} cannot be read: {said}$"):
+            decoded(path)
+
+
+@pytest.mark.parametrize(
+    ("data", "encoding", "text"),
+    [
+        ("µs €".encode(), "utf-8", "µs €"),
+        (b"\xb5s \x80", "cp1252", "µs €"),
+        (b"\xb5s \x81", "latin-1", "µs \x81"),
+        ("t,U".encode("utf-16-be"), "utf-16-be", "t,U"),
+    ],
+)
+def test_the_first_encoding_that_fits_counts(data: bytes, encoding: str, text: str, tmp_path: Path) -> None:
+    file = tmp_path / "record.csv"
+    file.write_bytes(data)
+    found = decoded(file)
+    assert (found.encoding, found.lines) == (encoding, (text,))
 
 
 @pytest.mark.parametrize(
