@@ -520,9 +520,18 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
     assert dealt(4, 2, in_flight=[1]) == {0: 1, 2: 1}
     assert dealt(24, 4) == {1: 2, 2: 2}
     assert dealt(44, 4) == {1: 4}
+    # Region 2 has two candidates, region 1, the better one, three with those in flight.
+    assert dealt(6, 1, [(2, 30.0, 4)], in_flight=[1, 1, 0, 0, 0, 3, 3, 3]) == {2: 1}
     # What a region finds in a round counts at the end of that round.
     assert dealt(44, 4, [(2, 17.0, 30)]) == {2: 4}
     assert dealt(44, 4, [(2, 17.0, 50)]) == {1: 4}
+
+
+def test_there_are_no_rounds_after_the_one_of_a_single_region():
+    config = config_of(campaign={"seed": 5, "budget": 62}, optimiser={"n_regions": 2, "rounds": 5})
+    known = {"numbers": [0, 1], "g": np.array([20.0, 18.0]), "indices": [0, 1]}
+    dealt = [dict(shares(Problem(config), start=start, size=2, **known)) for start in (31, 32)]
+    assert dealt == [{0: 1, 1: 1}, {1: 2}]
 
 
 def test_a_region_widens_where_it_finds_better_and_shrinks_where_it_does_not():
