@@ -22,7 +22,17 @@ from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
 from softclose.propose import asked_ahead, stretches
 from softclose.propose import prior as prior_module
-from softclose.propose.correction import CONSTANT_SD, RESIDUAL_SD, RHO_SD, ArsinhScale, Known, Looks, trend
+from softclose.propose.correction import (
+    CONSTANT_SD,
+    LEAST_SPREAD,
+    RESIDUAL_SD,
+    RHO_SD,
+    ArsinhScale,
+    Correction,
+    Known,
+    Looks,
+    trend,
+)
 from softclose.propose.descents import Descent
 from softclose.propose.deviation import COUNTS_AS, TOO_SURE, too_sure
 from softclose.propose.plan import plan
@@ -33,6 +43,7 @@ from softclose.propose.proposer import Proposer
 from softclose.propose.protocol import Observation, Problem, seen_by
 from softclose.propose.regions import RULES, region_of, rounds_of, shares
 from softclose.propose.stretches import run_stretch
+from softclose.propose.surrogate import surrogate_inputs
 from softclose.settings import ConfigError, load_config
 
 SMALL = {
@@ -587,6 +598,27 @@ def test_the_trend_is_the_likeliest_where_bad_candidates_count_little():
         )
 
     assert trend(z, prior) == pytest.approx(tuple(minimize(misfit, (1.0, 0.0)).x), abs=1e-4)
+
+
+@pytest.mark.parametrize(("more", "noise"), [(0.0, 0.0), (2.0, 0.0), (2.0, 3.0)])
+def test_a_process_near_its_incumbent_knows_what_the_prior_leaves_and_what_is_in_flight(more, noise):
+    """The campaign finds 0 or 2 cm/s more than its prior promised, and some noise; z is 0 at the incumbent."""
+    problem, rng = Problem(config_of()), np.random.default_rng(7)
+    points = rng.uniform(0.2, 0.8, (24, problem.space.dim))
+    prior = rng.uniform(15.0, 20.0, 24)
+    g = prior + more + noise * rng.standard_normal(24)
+    known = Known(points=points, inputs=surrogate_inputs(problem, points), g_cm_s=g, prior_g_cm_s=prior)
+    incumbent = int(np.argmin(g))
+    found = Correction(problem, known, incumbent)
+    assert found.scale.z(g)[incumbent] == 0.0
+    left = found.scale.z(g) - found.trend(prior)
+    assert found.spread == pytest.approx(max(left.std(), LEAST_SPREAD))
+    assert (found.spread > LEAST_SPREAD) == (more > 0.0)
+    assert abs(left).max() < 0.3 or noise
+    somewhere = found.screen(np.full((1, problem.space.dim), 0.9), np.array([16.0]))
+    before = somewhere.z()[1][0]
+    found.believe(somewhere.points)
+    assert found.screen(somewhere.points, np.array([16.0])).z()[1][0] < 0.9 * before
 
 
 def test_what_is_near_comes_in_the_order_of_its_distance_itself_first():
