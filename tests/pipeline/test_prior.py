@@ -541,7 +541,7 @@ def test_rounds_share_the_budget_and_drop_the_worse_half():
 def test_there_are_no_rounds_after_the_one_of_a_single_region():
     config = config_of(campaign={"seed": 5, "budget": 62}, optimiser={"n_regions": 2, "rounds": 5})
     known = {"numbers": [0, 1], "g": np.array([20.0, 18.0]), "indices": [0, 1]}
-    dealt = [dict(shares(Problem(config), start=start, size=2, **known)) for start in (31, 32)]
+    dealt = [dict(shares(rounds_of(Problem(config)), start=start, size=2, **known)) for start in (31, 32)]
     assert dealt == [{0: 1, 1: 1}, {1: 2}]
 
 
