@@ -69,7 +69,7 @@ def launchers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 SHORT = (
     "README.md",
-    *(f"docs/how-to/{name}.md" for name in ("own-simulator", "own-waveform", "tails", "xarray")),
+    *(f"docs/how-to/{name}.md" for name in ("own-simulator", "own-waveform", "xarray")),
 )
 """Pages that `make test` runs; `make long` runs the others."""
 

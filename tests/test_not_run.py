@@ -24,7 +24,7 @@ def test_with(n): pytest.skip("sbatch is not installed")
 """
 
 
-@pytest.mark.parametrize("processes", ["0", "2"])
+@pytest.mark.parametrize("processes", ["0", pytest.param("2", marks=pytest.mark.long)])
 def test_a_session_ends_with_what_it_did_not_run(processes: str, tmp_path: Path) -> None:
     """In one process, and in several, which each leave out the same."""
     here = Path(__file__).parent

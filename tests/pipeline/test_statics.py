@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples import in_turn
 from softclose import Lot, ReducedOrder, Trace, load_population, simulate
 from softclose.conditions.trim import trim_of
 from softclose.device.device import Device
@@ -164,7 +165,7 @@ def test_a_lot_that_tells_its_pull_in_closes_there_in_the_model_that_it_has(prob
     assert device.closing_voltage(mean)[0] == pytest.approx(80.0, rel=0.01)
 
 
-@pytest.mark.parametrize("measured", ["pull-in", "pull-in and resonance"])
+@pytest.mark.parametrize("measured", in_turn(["pull-in", "pull-in and resonance"], 2, 1))
 def test_the_reference_of_a_trim_is_measured_in_its_own_model(prober: str, tmp_path: Path, measured: str) -> None:
     """The mean switch's own reading leaves its drive as it is, whatever its electrode does."""
     c = load_config({

@@ -473,7 +473,7 @@ def test_without_openturns_it_says_what_to_install(monkeypatch):
 @pytest.mark.parametrize(
     "settings",
     [
-        ["trim.measured=contact times"],
+        pytest.param(["trim.measured=contact times"], marks=pytest.mark.long),
         ["trim.measured=contact times", "amplifier.gain_error=0.02", "amplifier.time_error=0.01"],
     ],
 )

@@ -108,7 +108,7 @@ FORGED: dict[str, Change] = {
 }
 
 
-@pytest.mark.parametrize("forged", in_turn(FORGED, 15))
+@pytest.mark.parametrize("forged", in_turn(FORGED, 30))
 def test_a_root_of_wrong_types_or_sizes_is_refused_in_one_line_and_rebuilt(
     forged: str, whole: Path, store: Path
 ) -> None:

@@ -12,7 +12,7 @@ from lose_power import Recorded, losses, record, survive
 from power_loss import Disk
 from stores import differences
 
-LONG, SHORT = 41, 331
+LONG, SHORT = 41, 397
 """Steps between two losses, in `make long` and in `make test`; `make power-loss` tries all."""
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from numpy.testing import assert_array_equal
 
+from examples import in_turn
 from small_store import create, run
 from softclose_store import DriverStore, StoreError, open_campaign, verify
 from softclose_store.disk.lock import lock_holder
@@ -77,7 +78,7 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("layout", in_turn(LAYOUTS, 2))
 def test_what_archivers_make_of_a_store_reads_as_it_did(store: Path, tmp_path: Path, layout: str) -> None:
     name, options = LAYOUTS[layout]
     path = packed(store, tmp_path / name, **options)

@@ -195,7 +195,7 @@ def same_bench(store: Path, bench: Bench) -> Bench:
     [(Interrupt("stopped"), reopened), (OSError(errno.ENOSPC, "no space left"), same_bench)],
     ids=["stopped", "full"],
 )
-@pytest.mark.parametrize("step", in_turn(STEPS, 3))
+@pytest.mark.parametrize("step", in_turn(STEPS, 5))
 def test_a_bench_cut_at_any_step_goes_on_as_if_it_had_not_been(
     step: str,
     cut: BaseException,

@@ -258,7 +258,7 @@ def action(request: pytest.FixtureRequest, mistaken: Path, tmp_path_factory: pyt
     return ACTIONS[request.param], engine_numbers(store)
 
 
-@pytest.mark.parametrize("full", [False, True], ids=["killed", "full"])
+@pytest.mark.parametrize("full", [False, pytest.param(True, marks=pytest.mark.long)], ids=["killed", "full"])
 @pytest.mark.parametrize(
     "at", in_turn([*(("inside-group", k) for k in (1, 2, 4, 8, 11, 14)), *((step, 1) for step in STEPS)], 14)
 )

@@ -68,7 +68,7 @@ ANALYSES: dict[str, Callable[[Path, Mapper], Any]] = {
         str(at / "plain.zarr"),
         tails.questions([20.0], True),
         methods=("brute", "subset", "form"),
-        n_switches=30_000,
+        n_switches=9_000,
         relative_error=0.5,
         mapper=m,
     ),

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from examples import in_turn
 from small_campaigns import COARSE, COMPLETE, block_task, make_campaign
 from softclose import Observation, Problem, Proposal, Wave, Waveform
 from softclose.propose import plan, proposer
@@ -104,7 +105,7 @@ def test_a_wave_sees_the_waves_that_its_lag_lets_it_and_the_waveforms_between(
     assert executor.n_most > 2 * SIZES[0]  # several waves were in flight at once, two blocks a candidate
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", in_turn(range(3), 3))
 def test_the_order_in_which_blocks_finish_shows_nowhere(seed: int, tmp_path: Path, recorder: Recorder) -> None:
     in_order, shuffled = created(tmp_path / "a.zarr"), created(tmp_path / "b.zarr")
     drive(in_order, SerialExecutor())

@@ -58,6 +58,10 @@ def of_conditions(short: Sequence[str]) -> list[ParameterSet]:
     return [pytest.param(n, marks=() if n in short else pytest.mark.long, id=n) for n in CONDITIONS]
 
 
+TWO = pytest.mark.parametrize("campaign", of_conditions(SHORT[::3]), indirect=True)
+"""For analyses of a store that `make test` tries under two of them."""
+
+
 @pytest.fixture(scope="module", params=of_conditions(SHORT))
 def campaign(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, CampaignConfig]:
     """A tiny campaign under each condition, run to its end in this process, its best certified."""
@@ -111,6 +115,7 @@ def test_a_certificate_is_of_switches_and_references_under_the_conditions(campai
         close(reference.response, by_hand.respond(config, rows, designs[reference.name], tailored=False))
 
 
+@TWO
 def test_a_race_runs_on_the_very_same_switches(campaign: tuple[str, CampaignConfig]) -> None:
     path, _ = campaign
     raced, _ = certify_within(path, 50.0, n_switches=FRESH, top=1)
@@ -142,6 +147,7 @@ def test_rescoring_with_the_campaign_s_own_objective_changes_nothing(campaign: t
     assert all(row.assessment.p_nc == 1.0 for row in sooner), "nothing is held after a microsecond"
 
 
+@TWO
 def test_a_campaign_compared_with_itself_is_no_softer_and_the_report_shows_the_same(
     campaign: tuple[str, CampaignConfig],
 ) -> None:
@@ -158,6 +164,7 @@ def test_a_campaign_compared_with_itself_is_no_softer_and_the_report_shows_the_s
     assert (np.abs(np.nan_to_num(data.designs[0].speed_cm_s) - 100.0 * np.nan_to_num(own)) > 2e-3).sum() <= 1
 
 
+@TWO
 def test_drive_errors_and_rare_failures_are_asked_of_the_lot_under_its_conditions(
     campaign: tuple[str, CampaignConfig],
 ) -> None:

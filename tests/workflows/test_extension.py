@@ -39,6 +39,14 @@ def finished(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return Path(make_campaign(tmp_path_factory.mktemp("finished") / "a.zarr", *request.param))
 
 
+ONE = pytest.mark.parametrize(
+    "finished",
+    [pytest.param(SEARCH, marks=pytest.mark.long, id="search"), pytest.param(COMPLETE, id="descents")],
+    indirect=True,
+)
+"""`make test` extends one of the two; `make long` both."""
+
+
 @pytest.fixture
 def store(finished: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished, tmp_path / "a.zarr"))
@@ -89,6 +97,7 @@ def test_the_plan_of_what_was_done_stays(finished: Path) -> None:
     assert [sum(w.size for w in twice if w.stage == f"extend{k}") for k in (1, 2)] == [5, 3]
 
 
+@ONE
 def test_extensions_resume_replay_and_follow_each_other(store: Path, tmp_path: Path) -> None:
     other = Path(shutil.copytree(store, tmp_path / "other.zarr"))
     n = open_campaign(store).budget
@@ -105,6 +114,7 @@ def test_extensions_resume_replay_and_follow_each_other(store: Path, tmp_path: P
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@ONE
 @pytest.mark.parametrize("step", [97, pytest.param(9, marks=pytest.mark.long)])
 def test_an_extension_that_is_cut_off_is_completed_by_whoever_next_writes(
     step: int, store: Path, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

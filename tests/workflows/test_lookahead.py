@@ -79,7 +79,7 @@ class Gone(Exception):
     """The process is gone."""
 
 
-@pytest.mark.parametrize("wave", in_turn(range(11), 6, 2))
+@pytest.mark.parametrize("wave", in_turn(range(11), 11, 8))
 def test_a_run_that_ends_behind_any_wave_is_resumed_to_the_same_store(wave: int, tmp_path: Path, whole: Path) -> None:
     """With blocks of later waves stored, and what was proposed of them forgotten."""
     path = made(tmp_path / "a.zarr")

@@ -90,7 +90,7 @@ def test_every_function_that_takes_workers_is_tried() -> None:
     assert takers == {*FUNCTIONS, "report", "run", "resume"}
 
 
-@pytest.mark.parametrize("name", in_turn(FUNCTIONS, 2))
+@pytest.mark.parametrize("name", in_turn(FUNCTIONS, 3))
 @pytest.mark.timeout(300)
 def test_a_function_computes_where_it_is_told_and_says_the_same(
     name: str, folder: Path, asked: list[Placement], tmp_path: Path

@@ -21,7 +21,7 @@ from softclose_workflows.studies.reproduce import members, reproduce
 from softclose_workflows.studies.series import Effort
 
 TINY = (
-    "campaign.budget=3",
+    "campaign.budget=2",
     "prior.model=none",
     "population.n_switches=40",
     "explore.budget=0",

@@ -95,7 +95,7 @@ def pipe_as_lock(root: Path) -> None:
     os.mkfifo(root / "candidates" / "digests" / "driver.lock")
 
 
-@pytest.mark.parametrize("spoil", [deep, without_layout, strange_config, pipe, pipe_as_lock, None])
+@pytest.mark.parametrize("spoil", in_turn([deep, without_layout, strange_config, pipe, pipe_as_lock, None], 3))
 def test_one_bad_folder_is_a_row_that_says_what_is_wrong_and_the_others_are_shown(
     spoil: Callable[[Path], None] | None, coarse: Path, tmp_path: Path
 ) -> None:

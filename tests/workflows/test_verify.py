@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from campaigns import softclose
+from examples import in_turn
 from softclose_store import open_campaign
 from stores import differences
 
@@ -24,7 +25,7 @@ def test_replayed_blocks_and_waves_are_equal_bit_for_bit(reference_store: Path) 
     assert told["differing"] == []
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", in_turn(range(3), 3))
 def test_damage_is_found_and_repaired_to_the_same_bits(seed: int, tmp_path: Path, reference_store: Path) -> None:
     store = tmp_path / "a.zarr"
     shutil.copytree(reference_store, store)

@@ -60,10 +60,11 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("export", "{store}", "waveform"),
         ("export", "{store}", "history"),
         ("report", "{store}", "-o", "{folder}/a.html"),
-        ("figures", "{store}", "-o", "{folder}/figures", "--format", "png"),
+        ("figures", "{store}", "-o", "{folder}/figures", "--format", "png", "--only", "convergence"),
+        pytest.param(("figures", "{store}", "-o", "{folder}/figures", "--format", "png"), marks=pytest.mark.long),
         ("compare", "{store}", "{store}"),
     ],
-    ids=lambda a: " ".join(a[:1] + a[2:3]),
+    ids=lambda a: " ".join(a[:1] + a[2:3] + a[7:]),
 )
 def test_reading_needs_no_plugin(theirs: Path, tmp_path: Path, arguments: tuple[str, ...]) -> None:
     done = _run(*(a.format(store=theirs, folder=tmp_path) for a in arguments))
