@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from conditions_of_campaigns import CONDITIONS, DRIVE, TABLES, merged
 from softclose.evaluate import draw, evaluate, judge, respond
-from softclose.evaluate.asked import asked, told
+from softclose.evaluate.asked import asked, limited, told, value_of
 from softclose.evaluate.judging import judge_with
 from softclose.evaluate.pieces import light
 from softclose.evaluate.quantities import QUANTITIES, Closing, Quantity
@@ -147,6 +147,10 @@ def test_figures_of_one_quasi_random_sample_have_no_interval_and_those_of_new_sw
         assert found.g_interval[0] < found.g_cm_s < found.g_interval[1]
     with pytest.raises(WaveformError):
         evaluate(config, LOT, DRIVE, max_volts=50.0)
+    kept = replace(config, objective=replace(config.objective, weights={}, quantity_limits={"hold_margin": 1.0}))
+    a = judge(kept, response)
+    assert np.isnan(limited(kept, response, a)["hold_margin"].interval).all()
+    assert np.isfinite(limited(kept, response, a, fresh=True)["hold_margin"].interval).all()
 
 
 def test_a_control_variate_narrows_g_also_where_g_weighs_more() -> None:
@@ -246,6 +250,35 @@ def test_scramblings_give_the_interval_of_a_quantity() -> None:
     assert_allclose(value.interval, expected, rtol=1e-12)
     sobol = load_config({"population": {"sampling": "sobol"}, "objective": {"lines": ["hold_margin"]}})
     assert all(math.isnan(end) for end in told(sobol, response, a)["hold_margin"].interval)
+
+
+@pytest.mark.parametrize("n", [5, 64])
+def test_scramblings_leave_a_drive_s_quantity_and_an_undefined_one_as_they_are(n: int) -> None:
+    a = judge(PLAIN, respond(PLAIN, LOT, DRIVE))
+    peak = value_of(QUANTITIES["peak"], np.full(n, 111.6), a, "replicated")
+    assert (peak.estimate, peak.interval, peak.n) == (111.6, (111.6, 111.6), 0)
+    force = value_of(QUANTITIES["contact_force"], np.full(n, math.nan), a, "replicated")
+    assert math.isnan(force.estimate)
+    assert np.isnan(force.interval).all()
+
+
+def test_an_interval_of_g_without_an_end_is_none() -> None:
+    """So many stay open that nothing bounds the time in which nine in ten close, though the estimate is known."""
+    config = configured(weights={"closing": -0.1})
+    response = respond(config, LOT, DRIVE)
+    plain = judge(PLAIN, response)
+    assert math.isinf(plain.closing_interval[1])
+    found = judge(config, response)
+    assert found.intervals_valid
+    assert np.isnan(found.g_interval).all()
+
+
+def test_a_limit_of_nothing_may_be_passed() -> None:
+    """It has no size to measure by: whoever passes it stands behind all who keep it, and nothing fails."""
+    config = configured(quantity_limits={"impacts": 0.0})
+    found = judge(config, respond(config, LOT, DRIVE))
+    assert found.g_cm_s > 1e9
+    assert not found.feasible
 
 
 def test_a_response_that_does_not_tell_it_is_refused() -> None:

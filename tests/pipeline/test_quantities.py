@@ -122,11 +122,40 @@ def test_the_voltage_that_holds_is_that_of_each_switch_s_own_drive(name: str) ->
         assert found[i] == pytest.approx(float(own.voltage(250.0 * b)), rel=1e-6), i
 
 
+@pytest.mark.parametrize("differing", ["gain errors", "clock errors", "trim by pull-in"])
+def test_behind_an_amplifier_with_steps_each_switch_is_held_by_what_its_own_command_comes_out_as(
+    differing: str,
+) -> None:
+    """Half a volt is the finest step: what holds is not in proportion to the common command."""
+    c = config("slew and resolution", differing)
+    lot = draw(c, 12, seed=4)
+    found = held_voltages(chain_of(c), lot, DRIVE)
+    expected = []
+    for row in by_hand.rows(c, 12, seed=4):
+        own, b = by_hand.own_drive(c, row, DRIVE)
+        expected.append(float(own.voltage(250.0 * b)))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_a_reference_drive_holds_every_switch_of_a_trimmed_lot_with_the_same_volts() -> None:
+    c = config("trim by pull-in")
+    lot = draw(c, N, seed=1)
+    response = respond(c, lot, STEP)
+    assert np.ptp(Closing.of(c, lot, STEP, response).held_V) > 1.0
+    np.testing.assert_array_equal(Closing.of(c, lot, STEP, response, for_everybody=True).held_V, 100.0)
+
+
+def test_of_all_quantities_the_open_switches_alone_are_a_share_of_the_lot() -> None:
+    assert [name for name, q in QUANTITIES.items() if q.is_share] == ["p_nc"]
+
+
 def test_a_switch_that_never_touches_or_never_closes_has_no_impacts_and_no_contact_force() -> None:
     c = closing(Waveform([Pulse(0.0, 4.0, math.inf, 20.0)]))
     for name in ("impact_energy", "impulse_sum", "impacts", "bounce_time", "contact_force", "stored_energy"):
         assert np.isnan(QUANTITIES[name].values(c)).all(), name
-        assert math.isnan(QUANTITIES[name].of(c).estimate)
+        found = QUANTITIES[name].of(c)
+        assert math.isnan(found.estimate)
+        assert found.n == 0, "it rests on no switch"
 
 
 def test_impacts_that_were_not_kept_are_asked_for_and_an_unknown_name_is_told() -> None:

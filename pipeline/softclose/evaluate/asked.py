@@ -200,10 +200,10 @@ def weighed(
     half = 0.0
     for term in terms:
         value = values[term.name]
-        ends = sorted(term.of(end) for end in value.interval)
+        least, most = sorted(term.of(end) for end in value.interval)
         g += term.of(value.estimate)
-        low, high = low + ends[0], high + ends[-1]
-        half += max((ends[-1] - ends[0]) / 2.0, 0.0) if math.isfinite(ends[-1] - ends[0]) else 0.0
+        low, high = low + least, high + most
+        half += (most - least) / 2.0 if math.isfinite(most - least) else 0.0
         if term.penalty:
             known = [end for end in value.interval if not math.isnan(end)] or [value.estimate]
             feasible = feasible and all(term.passed(end) <= 0.0 for end in known)
