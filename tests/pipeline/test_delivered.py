@@ -233,3 +233,37 @@ def test_the_compiled_and_the_plain_closed_form_are_one(scales: list[list[float]
     assert deliver_flat(*command, path, 1.0, 1.0, 0.0, *plain) == n
     for a, b in zip(compiled, plain, strict=True):
         np.testing.assert_allclose(a[:n], b[:n], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("delay", "gain", "offset"), [(0.0, 1.0, 0.0), (3.7, 1.1, -4.0)])
+@pytest.mark.parametrize(("order", "damping"), [(1, 0.7), (2, 0.3), (2, 0.7071), (2, 1.0), (2, 1.8)])
+def test_each_kind_of_low_pass_is_solved_with_and_without_delay_gain_and_offset(
+    order: int, damping: float, delay: float, gain: float, offset: float
+) -> None:
+    """A command that rises, overlaps, jumps and is cut off; against scipy's matrix exponential."""
+    command = Waveform([Pulse(0, 12, 5, 90), Pulse(14, 9, 8, 70), Pulse(60, 0, 1, 80), Pulse(61, 6, math.inf, 60)])
+    drive = Delivered(
+        command=command,
+        bandwidth_kHz=45.0,
+        order=order,
+        damping=damping,
+        gain=gain,
+        offset_volts=offset,
+        delay_us=delay,
+    )
+    h = 0.01
+    t = h * np.arange(int(90 / h))
+    late = np.where(t >= delay, command.voltage(np.maximum(t - delay, 0.0)), 0.0)
+    expected = gain * signal.lsim(system(drive), late, t)[1] + offset
+    np.testing.assert_allclose(drive.voltage(t), expected, atol=0.6)
+    smooth = t < 60.0 + delay  # until it jumps, which is a line to scipy
+    np.testing.assert_allclose(drive.voltage(t[smooth]), expected[smooth], atol=1e-3)
+    # Long after its last pulse nothing but the command is left: what dies away is left out.
+    pieces, n_ramps, _ = drive.flat(600.0)
+    assert pieces[0, 0] == 0.0
+    assert pieces[-1, 1] == 600.0
+    np.testing.assert_array_equal(pieces[1:, 0], pieces[:-1, 1])
+    assert n_ramps[-1] == 0
+    assert pieces[-1, 2] == pytest.approx(gain * 60.0 + offset, rel=1e-12)
+    ends = drive.voltage(pieces[1:, 0]) - drive.voltage(np.nextafter(pieces[1:, 0], 0.0))
+    assert np.abs(ends).max() < 2.0 * CUT_VOLTS
