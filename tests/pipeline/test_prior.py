@@ -45,6 +45,7 @@ from softclose.propose.regions import RULES, region_of, rounds_of, shares
 from softclose.propose.stretches import run_stretch
 from softclose.propose.surrogate import surrogate_inputs
 from softclose.settings import ConfigError, load_config
+from softclose.waveform import Pulse, Waveform
 
 SMALL = {
     "campaign": {"seed": 5, "budget": 30},
@@ -222,6 +223,90 @@ def test_a_prior_that_cannot_be_is_refused_in_one_line(changed, said):
     assert len(str(error.value).splitlines()) == 1
 
 
+def test_the_prior_s_campaign_is_descents_on_few_switches_and_nothing_else():
+    own = [[[0.0, 4.0, 4.0, 150.0], [16.0, 4.0, math.inf, 90.0]]]
+    config = config_of(
+        campaign={"extensions": [3]},
+        waveform={"initial": own},
+        finish={"budget": 30, "n_basins": 5},
+        explore={"budget": 40, "turns": 2},
+        population={"n_switches": 80},
+        prior={"control": 800},
+    )
+    cheap = prior_config(config)
+    assert (cheap.campaign.budget, cheap.campaign.extensions, cheap.waveform.initial) == (0, (), ())
+    assert (cheap.explore.budget, cheap.explore.n_descents, cheap.explore.turns) == (120, 2, 1)
+    assert cheap.explore.rounds == config.prior.rounds
+    assert (cheap.population.n_switches, cheap.population.sampling) == (16, "sobol")
+    finish = cheap.finish
+    assert (finish.budget, finish.n_switches, finish.n_basins, finish.n_polished) == (20, 32, 8, 2)
+    assert (finish.method, finish.grows) == ("cmaes", False)
+    assert not cheap.has_prior
+    assert cheap.prior.control == 0
+    assert cheap.opening == type(cheap.opening)()
+    assert cheap.campaign.seed == config.campaign.seed
+    assert cheap.objective == config.objective
+    few = config_of(prior={"n_switches": 8, "n_exploring": 16, "polish": 3})
+    assert (prior_config(few).population.n_switches, prior_config(few).finish.n_basins) == (8, 3)
+    assert prior_config(config_of(prior={"polish": 0})).finish.n_basins == 1
+
+
+def told_by(monkeypatch, config, *responses):
+    """What the prior says of waveforms that are answered so."""
+    answers = iter(responses)
+    monkeypatch.setattr(prior_module, "respond", lambda *_, **__: next(answers))
+    return Prior.of(config).values(Problem(config).space.waveforms(np.full((len(responses), 6), 0.5)))
+
+
+def answered(n_open, n_failed=0, speed=0.2):
+    """Ten switches, some of which stay open and some of which could not be integrated."""
+    status = np.zeros(10, dtype=np.int8)
+    status[:n_failed] = 1
+    return Judged(
+        max_contact_speed=np.where(np.arange(10) < n_open, np.nan, speed),
+        closed=np.arange(10) >= n_open,
+        status=status,
+        settling_us=np.where(np.arange(10) < n_open, np.inf, 50.0),
+    )
+
+
+@pytest.mark.parametrize("weights", [{}, {"peak": 0.0}])
+def test_a_lot_that_leaves_too_many_open_is_beyond_all_others_the_more_the_worse(monkeypatch, weights):
+    """And bounded, so that a process can learn beside it."""
+    config = config_of(objective={"c1_cm_s": 25.0, "undefined_v_u_cm_s": 60.0, "max_open": 0.2, "weights": weights})
+    n_open = (0, 1, 2, 3, 6, 10)
+    answers = [answered(n) for n in n_open]
+    if weights:
+        answers = [replace(a, asked=np.full((10, 1), 100.0)) for a in answers]
+    found = told_by(monkeypatch, config, *answers)
+    np.testing.assert_allclose(found.g_cm_s[:3], [20.0, 22.5, 25.0])
+    np.testing.assert_allclose(found.g_cm_s[3:], 120.0 * (1.0 + np.array([0.3, 0.6, 1.0])))
+    assert found.failure == ""
+    fast = told_by(monkeypatch, config, replace(answers[3], max_contact_speed=np.full(10, 2.0)))
+    np.testing.assert_allclose(fast.g_cm_s, (200.0 + 7.5) * 1.3, err_msg="what is worse already stays so")
+
+
+def test_too_many_failed_switches_are_no_value_and_the_first_failure_is_told(monkeypatch):
+    config = config_of()
+    found = told_by(monkeypatch, config, answered(0), answered(0, n_failed=8), answered(0))
+    assert np.isnan(found.g_cm_s).tolist() == [False, True, False]
+    assert found.failure == "too many switches could not be integrated"
+
+    def in_turn_raising(*_, **__):
+        raise CannotSimulate(f"number {next(numbers)}")
+
+    numbers = iter(range(5))
+    monkeypatch.setattr(prior_module, "respond", in_turn_raising)
+    waveforms = Problem(config).space.waveforms(np.full((3, 6), 0.5))
+    assert Prior.of(config).values(waveforms).failure == "CannotSimulate: number 0"
+
+
+def test_the_prior_respects_the_campaign_s_limit_of_the_voltage():
+    config = config_of(waveform={"max_volts": 170.0})
+    high = Waveform([Pulse(0.0, 4.0, math.inf, 165.0)])
+    assert np.isfinite(Prior.of(config).values([high]).g_cm_s).all()
+
+
 def test_other_engines_have_no_prior():
     assert not config_of(optimiser={"engine": "sobol", "n_regions": 3}).has_prior
     assert Problem(config_of(prior={"model": "none"})).basins is None
@@ -242,6 +327,48 @@ def test_basins_are_where_the_prior_is_best_and_promise_what_it_said():
     again = find_basins(config, Bowl(config).values)
     assert again.waveforms == found.waveforms
     assert again.shapes.tobytes() == found.shapes.tobytes()
+
+
+def test_basins_are_judged_on_the_most_switches_that_any_waveform_was_asked_on():
+    """On few of them the bowl looks deeper by 5 cm/s."""
+    config = config_of()
+    bowl, asked = Bowl(config), []
+
+    def few_flatter(waveforms, n_switches=None):
+        asked.extend((w, n_switches) for w in waveforms)
+        return PriorValues(g_cm_s=bowl.values(waveforms).g_cm_s - (5.0 if n_switches < 32 else 0.0))
+
+    found = find_basins(config, few_flatter)
+    assert {n for _, n in asked} == {16, 32}
+    assert len(found.waveforms) == len(found.g_cm_s) == len(found.shapes) <= 3
+    np.testing.assert_array_equal(found.g_cm_s, bowl.values(found.waveforms).g_cm_s)
+    assert all((w, 32) in asked for w in found.waveforms)
+    assert found.n_tried == len(asked)
+    assert found.failure == ""
+
+
+def test_a_prior_without_a_value_or_a_word_is_said_to_have_none():
+    config = config_of()
+    found = find_basins(config, lambda waveforms, _: PriorValues(g_cm_s=np.full(len(waveforms), np.nan)))
+    assert found.failure == "no waveform has a value on the prior"
+    assert found.waveforms == ()
+    assert found.shapes.shape == (0, 6, 6)
+    assert 0 < found.n_tried < 100, "nobody goes on asking it"
+
+
+def test_what_fails_here_and_there_is_no_basin_and_no_failure():
+    config = config_of()
+    bowl = Bowl(config)
+
+    def now_and_then(waveforms, _):
+        values = bowl.values(waveforms).g_cm_s
+        values[::4] = np.nan
+        return PriorValues(g_cm_s=values, failure="CannotSimulate: now and then")
+
+    found = find_basins(config, now_and_then)
+    assert np.isfinite(found.g_cm_s).all()
+    assert found.g_cm_s[0] < 18.0
+    assert found.failure == ""
 
 
 class Elsewhere:
