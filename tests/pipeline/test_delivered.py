@@ -18,7 +18,7 @@ from softclose.device.simulate import SimulationError
 from softclose.kernel.pieces import flatten, tangent, voltage
 from softclose.waveform import Delivered, WaveformError
 from softclose.waveform.flat import flatten_pulses
-from softclose.waveform.lowpass import CUT_VOLTS, deliver_flat, poles, room
+from softclose.waveform.lowpass import CUT_VOLTS, N_PATH, REAL, deliver_flat, poles, room
 
 LAST_BOUNCE = Delivered(command=Waveform([Pulse(0, 16, 0, 134), Pulse(32, 0, math.inf, 40)]), bandwidth_kHz=26.0)
 """Under it a switch's fifth bounce, of 4e-6 µm/µs, is counted by one of two integrators."""
@@ -200,6 +200,9 @@ def test_the_poles_have_their_corner_at_minus_3_dB(damping: float) -> None:
         roots = {1.0: [-first], 2.0: [-first + 1j * second, -first - 1j * second], 3.0: [-first, -second]}[kind]
         gain = np.prod([root / (root - s) for root in roots])
         assert abs(gain) == pytest.approx(math.sqrt(0.5), rel=1e-5)
+        if order == 1:
+            assert (kind, second) == (REAL, 0.0), "one pole has one rate"
+    assert Delivered(command=SOFT, bandwidth_kHz=80.0, damping=damping).path(250.0).shape == (N_PATH,)
 
 
 def test_what_is_no_amplifier_or_scale_is_named() -> None:
