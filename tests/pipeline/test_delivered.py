@@ -270,3 +270,52 @@ def test_each_kind_of_low_pass_is_solved_with_and_without_delay_gain_and_offset(
     assert pieces[-1, 2] == pytest.approx(gain * 60.0 + offset, rel=1e-12)
     ends = drive.voltage(pieces[1:, 0]) - drive.voltage(np.nextafter(pieces[1:, 0], 0.0))
     assert np.abs(ends).max() < 2.0 * CUT_VOLTS
+
+
+def test_breakpoints_of_a_delivered_drive_are_those_of_its_command_so_much_later() -> None:
+    drive = Delivered(command=SOFT, bandwidth_kHz=50.0, delay_us=3.0)
+    np.testing.assert_allclose(drive.breakpoints(), [0.0, 3.0, 7.4, 14.65, 19.05, 59.5, 78.5])
+    np.testing.assert_allclose(drive.breakpoints(59.5), [0.0, 3.0, 7.4, 14.65, 19.05, 59.5])
+    np.testing.assert_allclose(drive.breakpoints(2.0), [0.0])
+
+
+@pytest.mark.parametrize(("order", "damping"), [(1, 0.7), (2, 0.2), (2, 1.5)])
+@pytest.mark.parametrize("offset", [0.0, -90.0])
+def test_the_largest_voltage_of_a_delivered_drive_is_where_it_overshoots(
+    order: int, damping: float, offset: float
+) -> None:
+    for command in (SOFT, Waveform([Pulse(5.0, 0.0, math.inf, 80.0)])):
+        drive = Delivered(command=command, bandwidth_kHz=90.0, order=order, damping=damping, offset_volts=offset)
+        for horizon in (7.0, 60.0, 250.0):
+            fine = np.abs(drive.voltage(np.linspace(0.0, horizon, 20_001))).max()
+            assert drive.max_voltage(horizon) == pytest.approx(fine, rel=2e-3)
+
+
+def test_unless_said_otherwise_250_us_of_a_delivered_drive_count() -> None:
+    for start, peak in ((249.5, 90.0), (250.5, 0.0)):
+        command = Waveform([Pulse(start, 0.0, math.inf, 90.0)])
+        drive = Delivered(command=command, bandwidth_kHz=5000.0)
+        assert drive.max_voltage() == pytest.approx(peak, abs=1e-3)
+        if peak:
+            with pytest.raises(WaveformError, match="90 V are delivered; 80 V are allowed"):
+                drive.check(80.0)
+        drive.check(80.0, 249.0)
+        drive.check(90.0)
+    drive.check(80.0)
+
+
+def test_of_a_delivered_drive_any_instants_may_be_asked_for_and_none() -> None:
+    drive = Delivered(command=SOFT, bandwidth_kHz=50.0)
+    assert drive.voltage(np.zeros((0, 3))).shape == (0, 3)
+    assert drive.voltage(12.0).shape == ()
+    assert float(drive.voltage(0.5)) == pytest.approx(float(drive.voltage([0.5, 200.0])[0]), abs=1e-9)
+
+
+def test_bandwidths_of_a_delivered_drive_are_above_0_and_finite() -> None:
+    assert Delivered(command=SOFT, bandwidth_kHz=0.5).max_voltage() < 75.0
+    for wrong in (0.0, -1.0, math.inf, math.nan):
+        with pytest.raises(WaveformError, match="must be above 0 and finite"):
+            Delivered(command=SOFT, bandwidth_kHz=wrong)
+    for name in ("damping", "gain", "delay_us"):
+        with pytest.raises(WaveformError, match="must be above 0, a delay 0 or more"):
+            Delivered(command=SOFT, bandwidth_kHz=50.0, **{name: -0.5})  # type: ignore[arg-type]

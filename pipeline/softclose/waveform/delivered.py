@@ -85,8 +85,9 @@ class Delivered:
 
     def max_voltage(self, horizon_us: float = 250.0) -> float:
         """Largest magnitude of the voltage over [0, horizon] [V], to a thousandth of what ripples on it."""
-        pieces = self.flat(horizon_us)[0]
-        inside = np.linspace(pieces[:, 0], pieces[:, 1], 65, axis=1)
+        pieces, _, ramps = self.flat(horizon_us)
+        turns = float(((pieces[:, 1] - pieces[:, 0]) * ramps[..., 1].max(axis=1)).max()) / (2.0 * math.pi)
+        inside = np.linspace(pieces[:, 0], pieces[:, 1], math.ceil(64.0 * max(turns, 1.0)) + 1, axis=1)
         return float(np.abs(self.voltage(inside)).max())
 
     def check(self, max_volts: float = MAX_VOLTS, horizon_us: float = 250.0) -> None:
