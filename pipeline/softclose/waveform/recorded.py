@@ -155,7 +155,7 @@ def read_record(
         trace = Trace(t + shift_us, u * scale)
     except WaveformError as e:
         raise WaveformError(f"{path}, line {lines[0]}: {e}") from e
-    low, high = sorted((float(u.min()) * scale, float(u.max()) * scale))
+    low, high = sorted((float(u.min()) * scale + 0.0, float(u.max()) * scale + 0.0))  # nobody reads -0 V
     scaled = f" (scaled by {scale:g})" if scale != 1.0 else ""
     notes.insert(
         0, f"{table.said}; {t.size:,} samples from {t[0]:g} to {t[-1]:g} µs, {low:.6g} to {high:.6g} V{scaled}"
