@@ -185,6 +185,8 @@ def test_each_search_is_told_its_own_answers_and_none_of_its_looks_is_proposed_t
     assert apart.min() > 1e-14
     again = propose_led(problem, basins, wave_of(12, 5), history, [p.waveform for p in found])
     assert not {p.waveform for p in again} & {p.waveform for p in found}
+    (alone,) = propose_led(problem, basins, wave_of(12, 1), history, [])
+    assert alone.origin == "trust-region"
     best = min(o.g_cm_s for o in history)
     for s in (p.surrogate for p in found):
         assert s["looks"] == 24.0
