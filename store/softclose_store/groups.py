@@ -11,6 +11,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -18,9 +19,10 @@ import zarr
 from numpy.typing import ArrayLike, NDArray
 from zarr.abc.buffer import Buffer
 from zarr.abc.store import Store
-from zarr.api.asynchronous import create_group
+from zarr.api.asynchronous import create_array, create_group
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
+from zarr.storage import StorePath as ZarrPath
 
 from softclose_store import faults
 from softclose_store.disk.files import (
@@ -184,38 +186,52 @@ def parents_of(name: str) -> list[str]:
 def _created(name: str, arrays: Mapping[str, GroupArray], parts: Mapping[str, Parts]) -> _Building:
     """A group of that name in memory, its arrays without values."""
     building = _Building({})
-    options_of: dict[str, dict[str, Any]] = {}
+
+    async def create() -> None:
+        result = await (await create_group(store=building.memory)).create_group(name)
+        for key, part in parts.items():
+            await result.create_array(key, **options(part.array, part.shape))
+
+    run_here(create(), building.memory)
     for key, array in arrays.items():
         values: NDArray[Any] | Blocks = array.values if isinstance(array.values, Blocks) else np.asarray(array.values)
         if isinstance(values, np.ndarray) and values.dtype.kind in "OTUS":
             values = values.astype(np.dtypes.StringDType())
         elif values.dtype.kind not in "biuf":
             raise StoreError(f"array {key} of group {name} is of type {values.dtype}; it must be numbers or text")
-        is_text = values.dtype.kind == "T"
         building.values[key] = values
-        options_of[key] = {
-            "shape": values.shape,
-            "chunks": tuple(max(1, min(n, MOST_CHUNK)) for n in values.shape),
-            "dtype": "str" if is_text else values.dtype,
-            "dimension_names": array.dims,
-            # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
-            "config": {"write_empty_chunks": True},
-            "fill_value": "" if is_text else np.zeros((), values.dtype)[()],
-            "compressors": [Crc32cCodec()]
-            if is_text or not values.shape
-            else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
-            "attributes": {"units": array.unit, "long_name": array.long_name},
-        }
-
-    async def create() -> None:
-        result = await (await create_group(store=building.memory)).create_group(name)
-        for key, how in options_of.items():
-            building.encoders[key] = await result.create_array(key, **how)
-        for key, part in parts.items():
-            await result.create_array(key, **options(part.array, part.shape))
-
-    run_here(create(), building.memory)
+        like, document = _array_like(values.shape, values.dtype, tuple(array.dims), array.unit, array.long_name)
+        building.buffers[f"{name}/{key}/zarr.json"] = document
+        at = ZarrPath(building.memory, f"{name}/{key}")
+        building.encoders[key] = zarr.AsyncArray(like.metadata, at, like.config)
     return building
+
+
+@lru_cache(maxsize=2048)
+def _array_like(
+    shape: tuple[int, ...], dtype: np.dtype[Any], dims: tuple[str, ...], unit: str, long_name: str
+) -> tuple[zarr.AsyncArray[Any], Buffer]:
+    """An array in memory with its metadata, which are those of every array that is described so, whatever its name.
+
+    Zarr takes a millisecond for one, and a certificate has more than a hundred, many of them alike.
+    """
+    buffers: dict[str, Buffer] = {}
+    memory, is_text = MemoryStore(buffers), dtype.kind == "T"
+    how: dict[str, Any] = {
+        "shape": shape,
+        "chunks": tuple(max(1, min(n, MOST_CHUNK)) for n in shape),
+        "dtype": "str" if is_text else dtype,
+        "dimension_names": dims,
+        # A chunk of nothing but the fill value is written too: what is there must not depend on the values.
+        "config": {"write_empty_chunks": True},
+        "fill_value": "" if is_text else np.zeros((), dtype)[()],
+        "compressors": [Crc32cCodec()]
+        if is_text or not shape
+        else [BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
+        "attributes": {"units": unit, "long_name": long_name},
+    }
+    made = run_here(create_array(memory, **how), memory)
+    return made, buffers["zarr.json"]
 
 
 @dataclass(slots=True)
