@@ -305,7 +305,7 @@ def by_small_steps(a: AmplifierSection, waveform: Waveform, step: float, n: int)
     return step * np.arange(n), found + a.offset_volts
 
 
-@pytest.mark.parametrize("limits", in_turn(LIMITS, 2), ids=str)
+@pytest.mark.parametrize("limits", in_turn(LIMITS, 4), ids=str)
 @pytest.mark.parametrize("others", [{}, {"gain": 1.03, "delay_us": 2.5, "offset_volts": -1.5}], ids=["", "gain"])
 def test_what_is_delivered_has_the_area_of_what_the_section_says(
     limits: dict[str, float], others: dict[str, float]

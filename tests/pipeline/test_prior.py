@@ -488,7 +488,7 @@ def assert_same(found, same):
     assert same.shapes.tobytes() == found.shapes.tobytes()
 
 
-@pytest.mark.parametrize("n_elsewhere", [1, 2])
+@pytest.mark.parametrize("n_elsewhere", in_turn([1, 2], 2, 1))
 def test_a_descent_that_fails_ahead_fails_in_its_wave_as_it_would(monkeypatch, n_elsewhere):
     config, tell = config_of(prior={"budget": 400, "n_descents": 3}), Descent.tell
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bowl import bits, observe, problem_of, run, with_g
+from examples import in_turn
 from softclose import plugins
 from softclose.propose.origins import FALLBACK, LOCAL, ORIGINS
 from softclose.propose.plan import plan
@@ -20,7 +21,7 @@ from softclose.settings import load_config
 ENGINES = ("sobol", "skopt", "cmaes", "direct", "paper")
 
 
-@pytest.mark.parametrize("lag", [1, 2])
+@pytest.mark.parametrize("lag", in_turn([1, 2], 2, 1))
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_wave_is_a_pure_function_of_the_history(engine, lag):
     budget = 50 if engine == "paper" else 24

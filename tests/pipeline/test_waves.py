@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowl import bits, observe, problem_of, run, with_g
-from examples import examples
+from examples import examples, in_turn
 from softclose.propose.descents import AGAIN, Descent
 from softclose.propose.design import design_point
 from softclose.propose.explore import explore_ladder
@@ -179,7 +179,7 @@ def test_a_descent_that_has_converged_begins_again_around_its_mean():
     assert max(widths[converged:]) > 0.3 * AGAIN * 0.1
 
 
-@pytest.mark.parametrize("turns", [1, 2, 3])
+@pytest.mark.parametrize("turns", in_turn([1, 2, 3], 3, 2))
 def test_exploring_is_a_pure_function_of_the_records_with_the_cache_dropped(turns):
     problem = exploring(turns)
     history, proposals = run(problem)
@@ -196,7 +196,7 @@ def test_exploring_is_a_pure_function_of_the_records_with_the_cache_dropped(turn
     assert bits(kept.from_history(wave, before)) == bits(proposals[wave.start : wave.stop])
 
 
-@pytest.mark.parametrize("turns", [2, 3])
+@pytest.mark.parametrize("turns", in_turn([2, 3], 2))
 def test_descents_do_not_see_the_wave_that_is_in_flight_beside_them(turns):
     problem = exploring(turns)
     history, proposals = run(problem)

@@ -84,7 +84,7 @@ def test_two_files_that_changed_places_are_told_apart_by_every_reader(a: str, b:
         tree[group][name].to_numpy()
 
 
-@pytest.mark.parametrize("key", [a for a, _ in SWAPS])
+@pytest.mark.parametrize("key", in_turn((a for a, _ in SWAPS), 3))
 def test_a_file_that_is_lost_is_missed_by_every_reader(key: str, store: Path) -> None:
     (store / key).unlink()
     with pytest.raises(DamageError, match=rf"{key} of .* is missing.*: run `softclose verify .* --repair`"):

@@ -42,7 +42,7 @@ def reference(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("point", in_turn(faults.POINTS, 2))
+@pytest.mark.parametrize("point", in_turn(faults.POINTS, 3))
 def test_a_kill_at_a_named_step_loses_nothing_committed_and_ends_in_the_same_store(point, tmp_path, reference):
     rng = random.Random(point)
     path = tmp_path / "a.zarr"

@@ -98,17 +98,20 @@ def test_swapped_files_are_found(finished):
 
 @pytest.mark.parametrize(
     "key",
-    [
-        "search/x/c.3.0.0",  # beyond the last block
-        "search/x/c.2.2.0",  # beyond the seven switches of the last wave
-        "search/x/c.00.0.0",
-        "candidates/records/c.1.0",
-        "zarr.json (copy)",
-        "notes.txt",
-        "mine.partial",
-        "search/x/notes.txt",
-        "..a/b",
-    ],
+    in_turn(
+        [
+            "search/x/c.3.0.0",  # beyond the last block
+            "search/x/c.2.2.0",  # beyond the seven switches of the last wave
+            "search/x/c.00.0.0",
+            "candidates/records/c.1.0",
+            "zarr.json (copy)",
+            "notes.txt",
+            "mine.partial",
+            "search/x/notes.txt",
+            "..a/b",
+        ],
+        3,
+    ),
 )
 def test_a_file_that_belongs_to_nothing_is_named(finished, key):
     stray = finished / key

@@ -104,6 +104,7 @@ def test_a_run_stores_what_each_switch_did_and_the_columns_of_its_lot(campaign: 
     assert replay(path, 3).ok
 
 
+@TWO
 def test_a_certificate_is_of_switches_and_references_under_the_conditions(campaign: tuple[str, CampaignConfig]) -> None:
     path, config = campaign
     found = certify(path, n_switches=FRESH, top=1)
@@ -178,6 +179,7 @@ def test_drive_errors_and_rare_failures_are_asked_of_the_lot_under_its_condition
     assert len(shares.indices) >= 8
 
 
+@TWO
 def test_a_stored_design_opens_under_its_conditions(campaign: tuple[str, CampaignConfig]) -> None:
     from softclose.opening import OpeningError
 

@@ -56,6 +56,7 @@ def contents(path: Path) -> dict[str, bytes]:
     return {file.relative_to(path).as_posix(): file.read_bytes() for file in files_of(path)}
 
 
+@ONE
 def test_an_extension_leaves_what_was_there_and_says_both_budgets(store: Path, finished: Path) -> None:
     n = open_campaign(store).budget
     extend(str(store), n + 5)

@@ -57,7 +57,7 @@ def arguments(path: Path) -> list[str]:
 
 @pytest.mark.parametrize(
     "fault",
-    in_turn(["finding-basins:4", "before-basins:1", "inside-group:1", "inside-group:6", "after-basins:1"], 3, first=1),
+    in_turn(["finding-basins:4", "before-basins:1", "inside-group:1", "inside-group:6", "after-basins:1"], 5, first=1),
 )
 def test_a_kill_around_the_basins_ends_in_the_same_store(fault: str, tmp_path: Path, whole: Path) -> None:
     path = tmp_path / "a.zarr"

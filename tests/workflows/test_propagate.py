@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from examples import in_turn
 from small_campaigns import COARSE, make_campaign
 from softclose import load_population
 from softclose.population.calibrate import calibrate
@@ -72,7 +73,7 @@ def test_bad_input_is_one_error(store: str, devices: str, tmp_path: Path) -> Non
     assert "none.csv" in _propagate(store, str(empty), code=2)
 
 
-@pytest.mark.parametrize("change", [{"f": 3.0}, {"D": -0.5}, {"U_pi": 0.25}])
+@pytest.mark.parametrize("change", in_turn([{"f": 3.0}, {"D": -0.5}, {"U_pi": 0.25}], 3, 2))
 def test_devices_of_another_lot_are_refused_and_taken_where_it_is_said(
     store: str, tmp_path: Path, change: dict[str, float]
 ) -> None:

@@ -11,6 +11,7 @@ import time
 import psutil
 import pytest
 
+from examples import in_turn
 from softclose_workflows.errors import Stopped
 from softclose_workflows.run.stopping import StopRequest, stop_on_signals
 
@@ -67,7 +68,7 @@ with stopping.stop_on_signals():
 """
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("n", in_turn([1, 2, 3], 3, 1))
 def test_a_run_that_never_comes_back_to_python_is_ended_by_the_second_signal(n: int) -> None:
     with subprocess.Popen([sys.executable, "-c", STUCK], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
