@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,16 @@ from softclose.presets import preset_names
 from softclose.settings import CampaignConfig, load_config
 
 ROOT = Path(__file__).parents[1]
-PRESETS = {name: load_config(name) for name in preset_names()}
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+
+
+preset = cache(load_config)
+"""A preset that ships. Reading it may simulate: none is read as tests are collected, and each once a process."""
+
+
+def presets() -> dict[str, CampaignConfig]:
+    """Every preset that ships."""
+    return {name: preset(name) for name in preset_names()}
 
 
 def page(name: str) -> str:
@@ -47,16 +56,16 @@ def searched_by(config: CampaignConfig) -> str:
 
 
 def test_how_many_presets_search_by_what() -> None:
-    n = Counter(map(searched_by, PRESETS.values()))
+    n = Counter(map(searched_by, presets().values()))
     process = sum(n[kind] for kind in PROCESS.values())
     alone = f", {spelt(n['descents'])} by descents alone" if n["descents"] else ""
     said(
-        f"Of the {len(PRESETS)} presets that ship, {spelt(process)} search by the Gaussian process, "
+        f"Of the {len(presets())} presets that ship, {spelt(process)} search by the Gaussian process, "
         f"{spelt(n[PROCESS['parego']])} of them for a front{alone}, and {spelt(n['a published procedure'])} by a "
         "published procedure.",
         "docs/explanation/search.md",
     )
-    published = {c.optimiser.engine for c in PRESETS.values() if searched_by(c) == "a published procedure"}
+    published = {c.optimiser.engine for c in presets().values() if searched_by(c) == "a published procedure"}
     assert published == {"paper", "direct"}
 
 
@@ -66,21 +75,21 @@ def test_the_front_pages_name_both_kinds_of_search(name: str) -> None:
 
 
 def test_whose_training_intervals_hold() -> None:
-    n = Counter(c.population.sampling for c in PRESETS.values())
+    n = Counter(c.population.sampling for c in presets().values())
     assert set(n) == {"replicated", "monte-carlo"}, "one Sobol sample has no intervals"
-    published = {name for name, c in PRESETS.items() if searched_by(c) == "a published procedure"}
-    assert published == {name for name, c in PRESETS.items() if c.population.sampling == "monte-carlo"}
+    published = {name for name, c in presets().items() if searched_by(c) == "a published procedure"}
+    assert published == {name for name, c in presets().items() if c.population.sampling == "monte-carlo"}
     said(
-        f"Of the {len(PRESETS)} presets {spelt(n['replicated'])} train so; the {spelt(n['monte-carlo'])} published "
+        f"Of the {len(presets())} presets {spelt(n['replicated'])} train so; the {spelt(n['monte-carlo'])} published "
         'procedures use independent draws (`"monte-carlo"`).',
         "docs/explanation/statistics.md",
     )
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", preset_names())
 def test_every_impact_and_a_whole_motion_is_kept_of_every_switch(name: str) -> None:
     """README: every trajectory, impact and objective. Nothing bounces more often than under a step."""
-    config = PRESETS[name]
+    config = preset(name)
     said("keeps every trajectory, impact and objective in a Zarr store", "README.md")
     lot = draw(config, 64, seed=1)
     found = respond(config, lot, unshaped(config.waveform.max_volts), max_impacts=1)
