@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from bowl import proposed
+from conditions_of_campaigns import MODES
 from examples import examples, in_turn
 from softclose.device.protocol import CannotSimulate
 from softclose.evaluate import draw, respond
@@ -242,13 +243,31 @@ def test_the_prior_s_campaign_is_descents_on_few_switches_and_nothing_else():
     assert (finish.budget, finish.n_switches, finish.n_basins, finish.n_polished) == (20, 32, 8, 2)
     assert (finish.method, finish.grows) == ("cmaes", False)
     assert not cheap.has_prior
-    assert cheap.prior.control == 0
-    assert cheap.opening == type(cheap.opening)()
+    assert (cheap.prior.control, cheap.prior.model) == (0, "none")
     assert cheap.campaign.seed == config.campaign.seed
     assert cheap.objective == config.objective
     few = config_of(prior={"n_switches": 8, "n_exploring": 16, "polish": 3})
     assert (prior_config(few).population.n_switches, prior_config(few).finish.n_basins) == (8, 3)
     assert prior_config(config_of(prior={"polish": 0})).finish.n_basins == 1
+
+
+def test_a_prior_of_one_mode_has_no_modes_and_one_of_all_has_the_campaign_s():
+    for name in ("single-mode", "reduced-order"):
+        config = config_of(
+            model={"name": "reduced-order", "modes": MODES}, compute={"rtol": 1e-7}, prior={"model": name}
+        )
+        cheap = prior_config(config)
+        assert cheap.model.name == name
+        assert (cheap.model.modes, cheap.reduced_order_model) == (
+            ("", {}) if name == "single-mode" else (config.model.modes, config.reduced_order_model)
+        )
+    assert config.reduced_order_model
+
+
+def test_the_prior_designs_no_opening():
+    config = config_of(opening={"release_us": 260.0})
+    assert config.opening.is_designed
+    assert not prior_config(config).opening.is_designed
 
 
 def told_by(monkeypatch, config, *responses):
@@ -305,6 +324,9 @@ def test_the_prior_respects_the_campaign_s_limit_of_the_voltage():
     config = config_of(waveform={"max_volts": 170.0})
     high = Waveform([Pulse(0.0, 4.0, math.inf, 165.0)])
     assert np.isfinite(Prior.of(config).values([high]).g_cm_s).all()
+    beyond = Prior.of(config_of()).values([high])
+    assert np.isnan(beyond.g_cm_s).all()
+    assert "may not exceed 150 V" in beyond.failure
 
 
 def test_other_engines_have_no_prior():
