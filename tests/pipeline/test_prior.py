@@ -21,7 +21,7 @@ from softclose.evaluate.judging import judge
 from softclose.evaluate.scoring import objective_settings
 from softclose.metrics.objective import Judged, assess
 from softclose.metrics.value import objective_value
-from softclose.propose import asked_ahead, stretches
+from softclose.propose import asked_ahead, prior_basins, stretches
 from softclose.propose import prior as prior_module
 from softclose.propose.correction import (
     CONSTANT_SD,
@@ -369,13 +369,48 @@ def test_basins_are_judged_on_the_most_switches_that_any_waveform_was_asked_on()
     assert found.failure == ""
 
 
+def test_what_is_told_of_a_wave_has_its_place_in_the_campaign(monkeypatch):
+    config, asked, judged = config_of(), [], []
+    bowl, real = Bowl(config), prior_basins.distinct_basins
+
+    def watched(problem, records, *rest):
+        judged.extend(records)
+        return real(problem, records, *rest)
+
+    monkeypatch.setattr(prior_basins, "distinct_basins", watched)
+    find_basins(config, lambda waveforms, _: asked.extend(waveforms) or bowl.values(waveforms))
+    assert [o.index for o in judged] == list(range(120, 140))
+    assert [o.waveform for o in judged] == asked[120:]
+    wave = plan(Problem(prior_config(config)))[3]
+    later = SimpleNamespace(waveform=asked[7], origin="descent")
+    records = prior_basins._records(wave, 2, [later, later], PriorValues(g_cm_s=np.array([20.0, np.nan])))
+    assert [o.index for o in records] == [wave.start + 2, wave.start + 3]
+    assert [o.failed for o in records] == [False, True]
+    assert {(o.wave, o.n_switches) for o in records} == {(wave.index, wave.n_switches)}
+
+
+def test_the_shape_of_a_basin_is_that_of_the_descent_that_ended_nearest():
+    space = Problem(config_of()).space
+    runs = [SimpleNamespace(mean=np.full(6, x), shape=x * np.eye(6)) for x in (0.9, 0.3, 0.1)]
+    problem = SimpleNamespace(space=space, descents=dict(enumerate(runs)))
+    for x, nearest in ((0.95, 0.9), (0.32, 0.3), (0.25, 0.3), (0.0, 0.1)):
+        shape = prior_basins._shape(problem, space.waveform(np.full(6, x)))
+        np.testing.assert_array_equal(shape, nearest * np.eye(6))
+    beyond = Waveform([Pulse(0.0, 4.0, 4.0, 100.0), Pulse(20.0, 4.0, math.inf, 170.0)])
+    with pytest.raises(ValueError, match="is outside"):
+        space.unit(beyond, clip=False)
+    assert prior_basins._shape(problem, beyond).shape == (6, 6), "the edge of the ranges is nearest"
+    none = SimpleNamespace(space=space, descents={})
+    np.testing.assert_array_equal(prior_basins._shape(none, beyond), np.eye(6))
+
+
 def test_a_prior_without_a_value_or_a_word_is_said_to_have_none():
     config = config_of()
     found = find_basins(config, lambda waveforms, _: PriorValues(g_cm_s=np.full(len(waveforms), np.nan)))
     assert found.failure == "no waveform has a value on the prior"
     assert found.waveforms == ()
     assert found.shapes.shape == (0, 6, 6)
-    assert 0 < found.n_tried < 100, "nobody goes on asking it"
+    assert found.n_tried == plan(Problem(prior_config(config)))[0].size, "nobody goes on asking it"
 
 
 def test_what_fails_here_and_there_is_no_basin_and_no_failure():
@@ -391,6 +426,7 @@ def test_what_fails_here_and_there_is_no_basin_and_no_failure():
     assert np.isfinite(found.g_cm_s).all()
     assert found.g_cm_s[0] < 18.0
     assert found.failure == ""
+    assert found.n_tried == 140
 
 
 class Elsewhere:
