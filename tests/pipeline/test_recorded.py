@@ -66,6 +66,16 @@ def test_an_instant_that_goes_back_is_told_with_its_line(file: Path) -> None:
         read(file, "time_us,volts\n0,0\n5,1\n9,2\n8,3\n7,4\n")
 
 
+def test_what_is_no_drive_is_told_with_file_and_line(file: Path) -> None:
+    for rows, why in (
+        ("0,0\n0,1\n5,2\n5,3\n5,4\n5,5\n", "line 3: the sample is at 0 µs, not after the one before it at 0 µs"),
+        ("3,0\n5,1\n", "line 2: the first sample is at 3 µs"),
+        ("0,0\n", "line 2: .*two samples or more"),
+    ):
+        with pytest.raises(WaveformError, match=r"drive\.csv, " + why):
+            read(file, "time_us,volts\n" + rows)
+
+
 def test_a_shift_and_a_scale_make_the_drive_but_not_the_table(file: Path) -> None:
     found = read(file, "time_us,volts\n-5,0\n5,80\n250,70\n", shift_us=5.0, scale=0.5)
     np.testing.assert_allclose(found.trace.times_us, [0.0, 10.0, 255.0])
