@@ -286,7 +286,7 @@ def test_breakpoints_of_a_delivered_drive_are_those_of_its_command_so_much_later
 def test_the_largest_voltage_of_a_delivered_drive_is_where_it_overshoots(
     order: int, damping: float, offset: float
 ) -> None:
-    for command in (SOFT, Waveform([Pulse(5.0, 0.0, math.inf, 80.0)])):
+    for command in (SOFT, *(Waveform([Pulse(5.0, 0.0, math.inf, volts)]) for volts in (80.0, 8.0))):
         drive = Delivered(command=command, bandwidth_kHz=90.0, order=order, damping=damping, offset_volts=offset)
         for horizon in (7.0, 60.0, 250.0):
             fine = np.abs(drive.voltage(np.linspace(0.0, horizon, 20_001))).max()
