@@ -70,3 +70,26 @@ def test_a_column_that_is_missing_says_what_it_is_and_where_it_comes_from() -> N
 def test_every_column_has_a_unit_and_a_meaning() -> None:
     assert all(c.name == name and c.unit and c.long_name for name, c in COLUMNS.items())
     assert {*DEVICE_COLUMNS} <= {*COLUMNS}
+
+
+class Told(np.ndarray[Any, Any]):
+    """Switches whose population was told with a plate area."""
+
+    plate_area_um2 = 123.0
+
+
+def test_a_lot_keeps_the_plate_area_of_its_population() -> None:
+    lot = Lot.of(TABLE.view(Told))
+    assert lot.plate_area_um2 == 123.0
+    assert Lot.of(TABLE).plate_area_um2 is None
+    for same in (lot.rows(slice(2)), lot.with_columns(gain=[1.0, 1.0, 1.0]), lot.without(["gain"])):
+        assert same.plate_area_um2 == 123.0
+    assert Lot.joined([lot, Lot.of(TABLE)]).plate_area_um2 == 123.0
+    assert Lot.joined([lot]).plate_area_um2 == 123.0
+
+
+def test_numbers_of_any_type_and_lists_are_columns_of_float64() -> None:
+    whole = Lot.of([[2, 4, 65, 3]])
+    assert {whole[name].dtype for name in whole} == {np.dtype(np.float64)}
+    assert Lot({"D": [2], "G": [4], "K": [65], "M": [3]})["K"].dtype == np.float64
+    assert Lot.of(TABLE.astype(np.float32)).switches.dtype == np.float64
