@@ -28,7 +28,7 @@ ON_AVERAGE = ("p_nc", "p_exceed")
 
 
 @pytest.mark.parametrize(
-    ("name", "n"), in_turn((pytest.param(name, n) for n in (50, 200) for name in coverage.LOTS), 2)
+    ("name", "n"), in_turn((pytest.param(name, n) for n in (50, 200) for name in coverage.LOTS), 3)
 )
 def test_every_interval_of_a_figure_holds(name: str, n: int) -> None:
     lot = coverage.LOTS[name]

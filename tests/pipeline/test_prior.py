@@ -474,7 +474,7 @@ BUDGETS = [
 ]
 
 
-@pytest.mark.parametrize(("prior", "most"), BUDGETS)
+@pytest.mark.parametrize(("prior", "most"), in_turn((pytest.param(*budget) for budget in BUDGETS), 2))
 def test_who_need_not_be_waited_for_is_asked_ahead_and_the_basins_are_the_same(prior, most):
     config = config_of(prior=prior)
     bowl, workers = Bowl(config), Elsewhere(config)

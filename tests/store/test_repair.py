@@ -478,6 +478,20 @@ def test_a_groups_name_stays_in_the_store_and_out_of_the_campaign(finished, name
     assert list_groups(finished) == [GROUP]
 
 
+def test_arrays_that_are_described_alike_keep_their_own_values_and_others_their_own_words(finished):
+    """Their metadata are made once for all of them."""
+    values = {"a": np.arange(3.0), "b": np.ones(3), "c": np.arange(3.0), "d": np.arange(3)}
+    arrays = {k: GroupArray(dims=("s",), values=v, unit="V" if k == "c" else "cm/s") for k, v in values.items()}
+    for name in ("alike/one", "alike/two"):
+        write_group(finished, name, arrays, {})
+        for key, expected in values.items():
+            stored = zarr.open_array(finished / name / key, mode="r")
+            assert stored.dtype == expected.dtype
+            assert stored.attrs["units"] == arrays[key].unit
+            assert_array_equal(read_group(finished, name).arrays[key], expected)
+    assert verify(finished).ok
+
+
 def test_a_group_replaces_another_whole(finished):
     write_group(finished, GROUP, {"other": GroupArray(dims=("k",), values=[1, 2])}, {}, replace=True)
     assert_array_equal(read_group(finished, GROUP).arrays["other"], [1, 2])
