@@ -249,10 +249,11 @@ def page(table: dict[str, Any], scores: dict[str, dict[str, Any]]) -> str:
         killed = sum(o["killed"] for o in outcomes)
         excused = [o for o in outcomes if not o["killed"] and (o["before"], o["after"]) in same]
         alive = [o for o in outcomes if not o["killed"] and (o["before"], o["after"]) not in same]
-        rate = killed / max(len(outcomes) - len(excused), 1)
+        counting = len(outcomes) - len(excused)
+        rate = f"{killed / counting:.0%}" if counting else "nothing to change"
         counts = f"{scores[module]['places']} | {len(outcomes)} | {killed} | {len(excused)} | {len(alive)}"
         when = " ".join(scores[module].get(key, "") for key in ("date", "commit")).strip()
-        lines.append(f"| {name} | {counts} | {rate:.0%} | {scores[module]['first']} | {when} |")
+        lines.append(f"| {name} | {counts} | {rate} | {scores[module]['first']} | {when} |")
         if excused or alive:
             details += ["", f"## {name}", ""]
             for o in alive:
