@@ -84,7 +84,7 @@ def _become(request: int, stdout: int, stderr: int) -> str:
     os.environ.clear()
     os.environ.update(asked["environment"])
     os.chdir(asked["folder"])
-    sys.path[:] = ["", *asked["path"]]
+    sys.path[:] = ["", *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)), *asked["path"]]
     # What Dask read as it was imported.
     dask.config.paths[:] = dask.config._get_paths()
     dask.config.refresh()

@@ -29,6 +29,13 @@ def test_it_has_arguments_environment_folder_streams_and_an_end_of_its_own(tmp_p
     assert process.pid != os.getpid()
 
 
+def test_it_finds_modules_where_its_environment_says(tmp_path: Path) -> None:
+    (tmp_path / "of_my_own.py").write_text("print('found')")
+    asked = {"env": os.environ | {"PYTHONPATH": str(tmp_path)}, "program": "import of_my_own"}
+    process = Forked(stdout=subprocess.PIPE, stderr=subprocess.PIPE, **asked)
+    assert process.communicate(timeout=60) == ("found\n", "")
+
+
 def test_it_is_killed_and_waited_for() -> None:
     process = Forked(program="import time; time.sleep(60)")
     assert process.poll() is None
