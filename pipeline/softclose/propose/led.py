@@ -22,7 +22,7 @@ from softclose.propose.inputs import SWING
 from softclose.propose.origins import BASIN, FALLBACK, LOCAL
 from softclose.propose.promises import Basins
 from softclose.propose.protocol import Observation, Problem, Proposal, Wave, search_history
-from softclose.propose.regions import REGION, Region, region_of, rounds_of, shares
+from softclose.propose.regions import REGION, Region, nearest, region_of, rounds_of, shares
 from softclose.propose.surrogate import surrogate_inputs
 from softclose.settings import CampaignConfig
 from softclose.waveform import Waveform
@@ -102,7 +102,7 @@ def propose_led(
         numbers=numbers,
         g=known.g_cm_s,
         indices=[o.index for o in records],
-        in_flight=[numbers[int(np.argmin(((known.points - x) ** 2).sum(axis=1)))] for x in flying],
+        in_flight=[numbers[nearest(known.points, x)] for x in flying],
     )
     try:
         return _search(problem, basins, wave, known, numbers, records, dealt, flying, draw)
@@ -161,7 +161,7 @@ def _collect(problem: Problem, basins: Basins, history: Sequence[Observation]) -
     )
     middles = np.clip(problem.space.coordinates_of_all(basins.waveforms)[0], 0.0, 1.0)
     numbers = [
-        int(o.beliefs[REGION]) if REGION in o.beliefs else int(np.argmin(((middles - x) ** 2).sum(axis=1)))
+        int(o.beliefs[REGION]) if REGION in o.beliefs else nearest(middles, x)
         for o, x in zip(records, points, strict=True)
     ]
     return known, numbers, [o.index for o in records]

@@ -97,6 +97,11 @@ def halved(n: int) -> list[int]:
     return counts
 
 
+def nearest(points: FloatArray, x: FloatArray) -> int:
+    """Place of the nearest of points (n, d) to a point (d,): whose region it is that nobody names."""
+    return int(np.argmin(((points - x) ** 2).sum(axis=1)))
+
+
 def region_of(number: int, *, numbers: Sequence[int], g: FloatArray, waves: Sequence[int]) -> Region:
     """The state of one region, which has a record."""
     own = [i for i, found in enumerate(numbers) if found == number]

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from softclose.arrays import FloatArray
 from softclose.propose.protocol import Problem
-from softclose.propose.regions import Rounds, halved, shares
+from softclose.propose.regions import Rounds, halved, nearest, shares
 from softclose.propose.trust_region import TrustRegion, TrustRegionRules, replay
 from softclose.waveform import Waveform
 
@@ -77,7 +76,7 @@ def starts_of(
         numbers=numbers[counted].tolist(),
         g=data.g[counted],
         indices=data.indices[counted].tolist(),
-        in_flight=[int(numbers[counted[_nearest(data.points[counted], x)]]) for x in flying],
+        in_flight=[int(numbers[counted[nearest(data.points[counted], x)]]) for x in flying],
     )
     if len(begun) > 1:
         rules = replace(rules, fresh_before=0)  # they have looked elsewhere
@@ -103,12 +102,8 @@ def _numbers(data: SurrogateData, begun: list[int], n_initial: int) -> NDArray[n
     found[begun] = np.arange(len(begun))
     for i in np.flatnonzero((found < 0) & (data.indices >= n_initial)):
         asked = data.regions[i]
-        found[i] = int(asked) if np.isfinite(asked) else _nearest(data.points[begun], data.points[i])
+        found[i] = int(asked) if np.isfinite(asked) else nearest(data.points[begun], data.points[i])
     return found
-
-
-def _nearest(points: FloatArray, x: FloatArray) -> int:
-    return int(np.argmin(((points - x) ** 2).sum(axis=1)))
 
 
 def _state(data: SurrogateData, numbers: NDArray[np.int64], number: int, rules: TrustRegionRules) -> TrustRegion:
